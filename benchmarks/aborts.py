@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The abort maps of two missions: how many flights are as good as the optimizer that knew.
+"""Measure how many flights of two abort maps equal the optimizer that knows the failure.
 
     ./ares exec python benchmarks/aborts.py [--step-s S] [--proofs N] [--keep]
 
-Beside it, for points that are drawn, the map's optimum against another method with its proof.
+Also compare, at random points, the map's optimum with that of another method, with its proof.
 """
 
 import argparse
@@ -24,7 +24,7 @@ TIME_LIMIT_S = 20.0
 
 
 def make(settings):
-    """The map."""
+    """Make the map."""
     work = MapMaker(settings).make()
     while True:
         try:
@@ -34,7 +34,7 @@ def make(settings):
 
 
 def prove(mission, made, count, figures):
-    """Optima of the map against another method's."""
+    """Compare optima of the map with another method's."""
     reached = [p for p in made.points if p.optimum.end is End.TARGET]
     worst, proven = 0.0, 0
     for point in random.Random(1).sample(reached, min(count, len(reached))):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of the analytic solution of the default mission; asked for is 1 ms or less.
+"""Measure the time of the default mission's analytic solution; the goal is 1 ms.
 
-The search alone, in a warm process: jettison target, part one, part two, Python around the
-kernels included; sampling the flight and verifying it are not. Beside it the optimum.
+Only the search in a warm process counts: jettison target, part one, part two, with the Python
+around the kernels, without sampling and verification of the flight. The optimum is timed too.
 """
 
 import argparse
@@ -21,12 +21,12 @@ from ares_thesis.analytic.solve import solve_analytic
 
 
 def analytic(mission: Mission, options: AnalyticOptions, optimum: Solution) -> Solution:
-    """One analytic solution without its verification flight."""
+    """Solve analytically, without the verification flight."""
     return solve_analytic(mission, options, optimum=optimum, verify=False).solution
 
 
 def main() -> None:
-    """Every profile with every jettison target."""
+    """Time every profile with every jettison target."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=201)
     repeats = parser.parse_args().repeats

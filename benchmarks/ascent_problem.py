@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The default mission as plain numbers, and the guesses, the same for every solver.
+"""Provide the default mission as plain numbers, and equal guesses for every solver.
 
 Variables of the 11-parameter problem, in the order and units of the optimizer: B (3), the rate
 up to the jettison and the rate after it (3 each, 1e-3 1/s), jettison and cut-off (100 s after
@@ -29,7 +29,7 @@ THESIS = "B = unit V0, A = 1e-4 1/s, t_PLF 420 s, t_burn 330 s"
 
 @dataclass(frozen=True)
 class Ascent:
-    """What a peer is given.
+    """Hold the problem for other solvers.
 
     Attributes:
         mission: the mission.
@@ -42,7 +42,7 @@ class Ascent:
         flow: of both burns, kg/s.
         mass: at the begin of both burns, kg.
         core_s: length of the first burn.
-        fairing_kg: dropped when the heating allows.
+        fairing_kg: mass of the heating jettison.
         limit: of the heating, W/m2.
         environment: record ENVIRONMENT.
         target: record TARGET.
@@ -64,15 +64,15 @@ class Ascent:
     target: Any
 
     def final_mass(self, cutoff_s: float) -> float:
-        """Mass in kg at a cut-off time in s after the start."""
+        """Return the mass in kg at a cut-off time in s after the start."""
         return self.mass[1] - self.fairing_kg - self.flow[1] * (cutoff_s - self.core_s)
 
     def variables(self, guess: Guess) -> Array:
-        """Scaled variables of a guess, shape (11,)."""
+        """Return the scaled variables of a guess, shape (11,)."""
         return guess_variables(self.problem, guess)
 
     def terminal_miss(self, variables: Array) -> tuple[float, float]:
-        """Misses of radius (m) and speed (m/s) when a peer's answer is flown by our kernels."""
+        """Return errors of radius (m) and speed (m/s) of a peer's answer flown by our kernels."""
         scratch = make_scratch(self.problem)
         point = make_point(self.problem)
         evaluate(np.ascontiguousarray(variables), self.problem, scratch, point)
@@ -80,7 +80,7 @@ class Ascent:
         return radius, float(np.linalg.norm(scratch.final[4:7]) - self.target["speed"])
 
     def density_rows(self, low: float, high: float) -> Array:
-        """Rows of the density table between two altitudes (m), straight outside of them."""
+        """Return the rows of the density table between two altitudes (m), extrapolated linearly."""
         table = self.arrays.atmosphere
         part = table[(table[:, 0] >= low) & (table[:, 0] <= high)]
         first = np.array([[*part[0, :3], 0.0, 0.0]])
@@ -89,7 +89,7 @@ class Ascent:
 
 
 def load_ascent(name: str = "ares_v") -> Ascent:
-    """The default mission for the peers."""
+    """Load the default mission for the peers."""
     mission = load_mission(name)
     arrays = mission.arrays()
     start = mission.start().navigation()
@@ -115,7 +115,7 @@ def load_ascent(name: str = "ares_v") -> Ascent:
 
 
 def guesses(ascent: Ascent) -> dict[str, Guess]:
-    """The fair guess (text FAIR, from our solution) and the thesis' guess (text THESIS)."""
+    """Return the fair guess (text FAIR, from our solution) and the thesis' guess (text THESIS)."""
     start = ascent.mission.start().navigation()[0]
     best = solve(ascent.mission, "direct11", guess=thesis_guess(start), verify=False)
     p = best.parameters

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The 11-parameter problem in CasADi SX, for IPOPT, with an exact Hessian.
+"""Solve the 11-parameter problem in CasADi SX with IPOPT, with an exact Hessian.
 
 Single shooting with the Nystroem method of order 6 that the optimizer uses (RK4 needs four
-times as many gravities for the same error), all in megametres and with log heating. Built
+times as many gravity evaluations for the same error), all in megametres and with log heating. Built
 once; only the solution is timed.
 """
 
@@ -37,14 +37,14 @@ BOXES: dict[str, tuple[float, float, tuple[float, float], tuple[float, float]]] 
 
 @dataclass(frozen=True)
 class Attempt:
-    """End of one solution.
+    """Hold the end of one solution.
 
     Attributes:
         variables: shape (11,).
-        success: IPOPT's word.
+        success: as reported by IPOPT.
         status: IPOPT's status.
-        iterations: made.
-        seconds: wall clock.
+        iterations: number of iterations.
+        seconds: wall time.
     """
 
     variables: Array
@@ -55,7 +55,7 @@ class Attempt:
 
 
 def log_density(h: Any, rows: Array) -> Any:
-    """Cubic of the row below ``h``, chosen by a sum of steps: no branches in the graph."""
+    """Evaluate the cubic of the row below ``h``, selected by a sum of steps without branches."""
     c = [ca.SX(float(x)) for x in rows[0]]
     for below, row in pairwise(rows):
         above = h >= float(row[0])
@@ -96,7 +96,7 @@ def _leg(
 
 
 def build(ascent: Ascent, steps: tuple[int, int, int]) -> dict[str, Any]:
-    """The nonlinear programme: variables, objective (cut-off time), constraints."""
+    """Build the nonlinear program: variables, objective (cut-off time), constraints."""
     environment, target = ascent.environment, ascent.target
     mu = float(environment["mu"]) / LENGTH**3
     x = ca.SX.sym("x", 11)
@@ -136,7 +136,7 @@ def build(ascent: Ascent, steps: tuple[int, int, int]) -> dict[str, Any]:
 
 
 class CasadiAscent:
-    """One built solver, to be started from many guesses."""
+    """Hold one built solver, to be started from many guesses."""
 
     def __init__(
         self, programme: dict[str, Any], options: str, box: str, compiled: bool = False
@@ -166,7 +166,7 @@ class CasadiAscent:
         self.build_s = time.perf_counter() - begun
 
     def solve(self, guess: Array) -> Attempt:
-        """One solution from one guess."""
+        """Solve from one guess."""
         begun = time.perf_counter()
         result = self.solver(x0=guess, **self.bounds)
         seconds = time.perf_counter() - begun

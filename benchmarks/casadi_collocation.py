@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The program of a planned mission in CasADi SX, for IPOPT: derivatives are CasADi's own.
+"""Solve the program of a planned mission in CasADi SX with IPOPT, with CasADi's derivatives.
 
-Variables, rows, intervals and bounds are those of ``Transcription``, so that both solvers have one
-problem; the equations are written here again. Thrust curves and throttled burns are left out.
+Variables, rows, intervals and bounds are those of ``Transcription``, so that both solvers have the
+same problem; the equations are written independently. Thrust curves and throttled burns are left
+out.
 """
 
 import time
@@ -29,18 +30,18 @@ OPTIONS = {
 
 
 class CasadiCollocation:
-    """One program, built.
+    """Hold one built program.
 
     Attributes:
-        build_s: CPU time that the building took.
+        build_s: CPU time of building it.
         rows: function of the variables, all rows.
     """
 
     def __init__(self, program: Transcription) -> None:
-        """Write the equations.
+        """Build the equations.
 
         Args:
-            program: laid out; without throttled burns and thrust curves.
+            program: the transcription; without throttled burns and thrust curves.
         """
         begun = time.process_time()
         self.program = program
@@ -118,7 +119,7 @@ class CasadiCollocation:
                 raise ValueError("a perigee of a coast is not written here")
 
     def _target(self, r: Any, v: Any) -> list[Any]:
-        """Energy and perigee or eccentricity vector, inclination."""
+        """Return energy, perigee or eccentricity vector, and inclination."""
         target = self.program.arrays.target[0]
         mu = float(self.program.arrays.environment[0]["mu"])
         perigee, c3 = float(target["perigee_radius"]), float(target["c3"])
@@ -146,7 +147,7 @@ class CasadiCollocation:
         return [*out, tilt] if named & NAMES_INCLINATION else out
 
     def solve(self, guess: np.ndarray) -> float:
-        """Final mass from a guess, kg; nan where it leads nowhere."""
+        """Solve from a guess; return the final mass, kg, nan without a solution."""
         program = self.program
         result = self._solver(
             x0=guess,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The 11-parameter problem in Dymos, for SLSQP: Gauss-Lobatto or Radau collocation.
+"""Solve the 11-parameter problem in Dymos with SLSQP: Gauss-Lobatto or Radau collocation.
 
 Three linked phases (core, upper stage with and without fairing); the steering parameters are
 static parameters of the trajectory, mass is a known function of time, and the partial
@@ -36,23 +36,23 @@ GRIDS: dict[str, tuple[tuple[int, int, int], int, bool]] = {
 
 
 def _log_density(h: Array, rows: Array) -> Array:
-    """Cubic in log density; takes complex altitudes."""
+    """Evaluate the cubic in log density; accept complex altitudes."""
     k = np.clip(np.searchsorted(rows[:, 0], h.real, side="right") - 1, 0, len(rows) - 1)
     x = h - rows[k, 0]
     return rows[k, 1] + x * (rows[k, 2] + x * (rows[k, 3] + x * rows[k, 4]))
 
 
 class Equations(om.ExplicitComponent):
-    """Rates of position and velocity, and what the boundaries are made of."""
+    """Compute the rates of position and velocity, and the boundary quantities."""
 
     def initialize(self) -> None:
-        """Options."""
+        """Declare the options."""
         self.options.declare("num_nodes", types=int)
         self.options.declare("ascent", recordable=False)
         self.options.declare("phase", types=int)
 
     def setup(self) -> None:
-        """Inputs, outputs, coloured complex step."""
+        """Declare inputs, outputs, and the coloured complex step."""
         n = self.options["num_nodes"]
         self.add_input("time", np.ones(n))
         for name in ("r", "v"):
@@ -69,7 +69,7 @@ class Equations(om.ExplicitComponent):
         self.declare_coloring(wrt="*", method="cs", show_summary=False, num_full_jacs=2)
 
     def compute(self, inputs: Any, outputs: Any, *_: Any) -> None:
-        """All nodes at once."""
+        """Evaluate all nodes at once."""
         ascent: Ascent = self.options["ascent"]
         phase = self.options["phase"]
         t, r, v = inputs["time"] * TIME, inputs["r"], inputs["v"]
@@ -112,7 +112,7 @@ class Equations(om.ExplicitComponent):
 
 
 def _fly(ascent: Ascent, x: Array) -> tuple[list[Any], list[float]]:
-    """Dense solutions of the three phases for a guess, s after the start."""
+    """Integrate the three phases of a guess; return dense solutions, s after the start."""
     times = [0.0, ascent.core_s, TIME * float(x[9]), TIME * float(x[10])]
     state = np.concatenate((ascent.position, ascent.velocity)) / LENGTH
     mu = float(ascent.environment["mu"]) / LENGTH**3
@@ -135,7 +135,7 @@ def _fly(ascent: Ascent, x: Array) -> tuple[list[Any], list[float]]:
 
 
 class DymosAscent:
-    """One set-up problem, to be started from many guesses."""
+    """Hold one problem, to be started from many guesses."""
 
     def __init__(
         self, ascent: Ascent, segments: tuple[int, int, int], order: int, radau: bool
@@ -181,7 +181,7 @@ class DymosAscent:
         self.build_s = time.perf_counter() - begun
 
     def _describe(self, phase: Any, k: int) -> None:
-        """Time and states of a phase."""
+        """Declare time and states of a phase."""
         core = self.ascent.core_s / TIME
         bounds = [{"fix_duration": True}, {}, {}][k]
         if k > 0:
@@ -198,7 +198,7 @@ class DymosAscent:
             )  # fmt: skip
 
     def solve(self, x: Array) -> tuple[Array, bool, int, float]:
-        """Variables found, SLSQP's word, its iterations, and the wall clock in s."""
+        """Return the variables found, SLSQP's success, its iterations, and the wall time in s."""
         problem = self.problem
         flights, times = _fly(self.ascent, x)
         for name, flight, (begin, end) in zip(NAMES, flights, pairwise(times), strict=True):

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How surely guidance finds what fails: false alarms, and the time from a failure to its finding.
+"""Measure guidance's failure detection: false alarms, and the time to detection.
 
     ./ares exec python benchmarks/failures.py [--only found|alarms] [--flights N] [--others N]
         [--failures N] [--threads N] [--keep]
 
-False alarms: dispersed flights in which nothing fails, of `ares_v` and of every other shipped
-mission that law peg flies without a plan. Found: dispersed flights with one failure each, its
-kind, time and size drawn; see docs/aborts.md for what is drawn.
+False alarms: dispersed flights without failure, of `ares_v` and of every other shipped mission that
+law peg flies without a plan. Found: dispersed flights with one failure each, of random kind, time
+and size; see docs/aborts.md.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from ares_models.failures import Failure, FailureKind
 from ares_models.mission import list_missions, load_mission
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo.engines import cores
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN
 
@@ -44,7 +44,7 @@ HIDDEN = "hidden"
 
 
 def settings(name, seed):
-    """A mission with the standard dispersions, and the gravity of its own body."""
+    """Load a mission with the standard dispersions, and the gravity of its own body."""
     mission = load_mission(name)
     dispersions = load_dispersions("standard")
     if mission.environment.mu_m3_s2 < 1e14:
@@ -53,12 +53,12 @@ def settings(name, seed):
 
 
 def by_threads(plan, work, parts, threads):
-    """What each part comes to, by threads with flights of their own: work(flyer, part)."""
+    """Compute each part by threads with a flyer of their own: work(flyer, part)."""
     own = threading.local()
 
     def one(part):
         if not hasattr(own, "flyer"):
-            own.flyer = Range(plan)
+            own.flyer = FlightRange(plan)
         return work(own.flyer, part)
 
     with ThreadPoolExecutor(threads) as pool:
@@ -66,7 +66,7 @@ def by_threads(plan, work, parts, threads):
 
 
 def false_alarms(name, flights, seed, threads):
-    """How many flights in which nothing fails report a failure, by kind."""
+    """Count the flights without failure that report one, by kind."""
 
     def kinds(flyer, first):
         results = flyer.fly(first, min(CHUNK, flights - first)).results
@@ -77,7 +77,7 @@ def false_alarms(name, flights, seed, threads):
 
 
 def burns(mission, ended):
-    """Arc, ignition command, begin at full thrust, and end of every burn, s; nothing dispersed."""
+    """Return arc, ignition command, full-thrust time and end of every burn, s, undispersed."""
     arcs = mission.arrays().arcs
     at = mission.initial_state.time_s
     for k, arc in enumerate(arcs):
@@ -89,7 +89,7 @@ def burns(mission, ended):
 
 
 def throttled_from(mission, ended):
-    """When the last burn begins to be throttled where nothing is dispersed, s; its end if never."""
+    """Return the begin of throttling in the last burn, s, undispersed; its end if never."""
     arc = mission.arrays().arcs[-1]
     if not math.isfinite(arc["max_acceleration"]):
         return ended
@@ -99,7 +99,7 @@ def throttled_from(mission, ended):
 
 
 def draw(mission, ended, random):
-    """One failure, and when it shows, s."""
+    """Draw one failure and the time at which it takes effect, s."""
     arcs = mission.arrays().arcs
     final = arcs["stage"][-1]
     limited = throttled_from(mission, ended)
@@ -147,7 +147,7 @@ def draw(mission, ended, random):
 
 
 def found_in_time(name, count, seed, threads):
-    """How many failures struck, and those not found within two seconds."""
+    """Count the failures that took effect, and those not found within two seconds."""
     plan = settings(name, seed)
     mission = plan.mission
     ended = fly_compiled(mission, CAMPAIGN).plant["time"]
@@ -174,7 +174,7 @@ def found_in_time(name, count, seed, threads):
 
 
 def measure_found(missions, options):
-    """Print and keep how many failures are found in time."""
+    """Print and keep the number of failures found in time."""
     script = Path(__file__).with_stem("failures_found")
     figures = Figures(str(script), "How surely guidance finds what fails within 2 s, by law peg.")
     total = late = 0
@@ -191,7 +191,7 @@ def measure_found(missions, options):
 
 
 def measure_alarms(missions, options):
-    """Print and keep how many flights in which nothing fails report a failure."""
+    """Print and keep the number of false alarms."""
     script = Path(__file__).with_stem("failures_false_alarms")
     about = "Standard dispersed flights in which nothing fails and guidance finds something, peg."
     figures = Figures(str(script), about)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often navigation gate and monitors speak in standard dispersed flights: never, it should be.
+"""Count alarms of navigation gate and monitors in standard dispersed flights: expected are none.
 
     ./ares exec python benchmarks/false_alarms.py [--flights N] [--others N]
 
@@ -13,15 +13,15 @@ from figures import Figures, keep_option
 
 from ares_guidance.registry import law_names
 from ares_models.mission import list_missions, load_mission
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 
 CHUNK = 1000
 
 
 def alarms(mission: str, law: str, flights: int) -> tuple[int, int, int, float]:
-    """Flights with refused states, those with violations, successful ones, flights per second."""
-    flyer = Range(Settings(load_mission(mission), load_dispersions(STANDARD), law=law))
+    """Count flights with refused states, with violations, successful ones; flights per second."""
+    flyer = FlightRange(Settings(load_mission(mission), load_dispersions(STANDARD), law=law))
     flyer.fly(0, 1)
     refused = violated = good = 0
     begun = time.perf_counter()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults into real flights: how many were survived. Writes the table of docs/reliability.md."""
+"""Inject faults into real flights and count survivals. Writes the table of docs/reliability.md."""
 
 import argparse
 import json
@@ -12,12 +12,12 @@ from ares_trials.faults.rows import ROWS
 
 
 def tell(trial: object) -> None:
-    """Of one that is over."""
+    """Print the result of a completed trial."""
     print(trial, file=sys.stderr, flush=True)
 
 
 def again(word: str, workers: int) -> None:
-    """Fly rows of the kept campaign again, of the same seed, and put them in place of the old."""
+    """Repeat rows of the kept campaign with the same seed, and replace their results."""
     path = RESULTS / "faults.json"
     kept = json.loads(path.read_text())
     names = [row.name for row in ROWS]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a benchmark has measured: printed as it comes, and kept as JSON for the site."""
+"""Print benchmark figures as they are measured, and keep them as JSON for the site."""
 
 import argparse
 import datetime
@@ -12,26 +12,26 @@ RESULTS = Path(__file__).parent / "results"
 
 
 class Figures:
-    """Figures of one script, in the order in which they are measured."""
+    """Hold the figures of one script in order of measurement."""
 
     def __init__(self, script: str, about: str) -> None:
-        """None yet.
+        """Start without figures.
 
         Args:
             script: `__file__` of the benchmark.
-            about: what it measures, one sentence.
+            about: its subject, one sentence.
         """
         self._path = RESULTS / f"{Path(script).stem}.json"
         self._about = about
         self._rows: list[dict[str, str | float]] = []
 
     def add(self, what: str, value: float, unit: str) -> None:
-        """Print one figure and remember it."""
+        """Print one figure and store it."""
         self._rows.append({"what": what, "value": value, "unit": unit})
         print(f"{what:<56}{value:>14,.4g} {unit}")
 
     def keep(self) -> None:
-        """Write what was measured, when and on what."""
+        """Write the figures with date and machine."""
         RESULTS.mkdir(exist_ok=True)
         kept = {
             "about": self._about,
@@ -43,14 +43,14 @@ class Figures:
 
 
 def keep_option(parser: argparse.ArgumentParser) -> None:
-    """The option by which a script keeps what it measures."""
+    """Add the option to keep the figures."""
     parser.add_argument(
         "--keep", action="store_true", help="write the figures to benchmarks/results"
     )
 
 
 def processor() -> str:
-    """Name of the processor, as far as the system tells it."""
+    """Return the name of the processor, as far as known."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time from a fresh clone to the end of the first flight, with empty caches, and its parts.
+"""Measure the time from a fresh clone to the end of the first flight, with empty caches, by part.
 
     python3 benchmarks/first_flight.py [TARGET]
 
@@ -21,7 +21,7 @@ MARKS = re.compile(r"^(ares: .*|flight [0-9a-f]{16}: .*|=+ test session starts =
 
 
 def size_mb(folder: Path) -> float:
-    """Space that the files below a folder take, each counted once, MB."""
+    """Return the disk space of the files below a folder, each counted once, MB."""
     files = {}
     for path in folder.rglob("*"):
         if path.is_file() and not path.is_symlink():
@@ -31,7 +31,7 @@ def size_mb(folder: Path) -> float:
 
 
 def main() -> int:
-    """Print when each part began, the whole, and the space taken."""
+    """Print the begin of each part, the total time, and the disk space."""
     target = sys.argv[1] if sys.argv[1:] else "fly"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of `ares report`: the whole command, and its parts in a warm process."""
+"""Measure the time of `ares report`: the whole command, and its parts in a warm process."""
 
 import argparse
 import statistics
@@ -19,7 +19,7 @@ from ares_studies.pages.templates import plotly
 
 
 def median(work: Callable[[], object], repeats: int) -> float:
-    """Median wall time, s, after a first call that is not counted."""
+    """Return the median wall time, s, after a first call that is not counted."""
     work()
     times = []
     for _ in range(repeats):

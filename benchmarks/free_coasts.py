@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles with free coasts: which `indirect` solves from the mission alone, and how fast.
+"""Solve vehicles with free coasts by `indirect` from the mission alone; count successes and time.
 
-Beside each solution stands a grid over the lengths of the coasts, each point solved as a flight of
-given lengths, by `indirect` or, with `--direct`, by `direct11` from its own starts, the best two
-then made better by COBYQA: what that reaches and `indirect` does not is missed, what it does better
-is wrong.
+Each solution is compared with a grid over the lengths of the coasts, each point solved as a flight
+of given lengths, by `indirect` or, with `--direct`, by `direct11` from its own starts, the best two
+then improved by COBYQA. A target reached only by the grid is counted as missed, a better solution
+of the grid as wrong.
 """
 
 import argparse
@@ -38,7 +38,7 @@ Best = tuple[float, NDArray[np.float64]]
 
 
 def grid(mission: Mission) -> Iterator[NDArray[np.float64]]:
-    """Lengths of the coasts, s: closer where they are short."""
+    """Yield lengths of the coasts, s, denser where they are short."""
     low, high = length_bounds(mission.arrays(), mission.start().navigation()[0])
     points = POINTS if len(low) == 1 else POINTS // 2
     axes = [
@@ -51,7 +51,7 @@ def grid(mission: Mission) -> Iterator[NDArray[np.float64]]:
 
 
 def best_of_grid(mission: Mission) -> Best | None:
-    """Least propellant of the free burn on the grid, kg, and its lengths, s; None: none arrives."""
+    """Return the grid's least propellant of the free burn, kg, and its lengths, s, or None."""
     arrays, start = mission.arrays(), mission.start().navigation()
     ground = (1.0 - DEEPEST) * float(arrays.environment[0]["polar_radius"])
     last = arrays.arcs[-1]
@@ -73,7 +73,7 @@ def best_of_grid(mission: Mission) -> Best | None:
 
 
 def best_direct(mission: Mission) -> Best | None:
-    """The same by `direct11` from every point of the grid, and made better from there."""
+    """Return the same by `direct11` from every point of the grid, then improved."""
     arrays, start = mission.arrays(), mission.start().navigation()
     with Deadline(LIMIT_S) as deadline:
         heating = Heating(mission.heating_limit_holds)
@@ -83,7 +83,7 @@ def best_direct(mission: Mission) -> Best | None:
 
 
 def taken_by(mission: Mission, solution: Solution) -> Best:
-    """Propellant of the free burn of a solution, kg, and its lengths, s."""
+    """Return the propellant of a solution's free burn, kg, and its lengths, s."""
     arrays, start = mission.arrays(), mission.start().navigation()[0]
     lengths = np.array(solution.lengths_s)
     burn = solution.t_meco_s - last_begin(arrays, start, lengths)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile input for all that reads what others have written, by the million.
+"""Try hostile input on every reader of foreign data, by the million.
 
     ./ares exec python benchmarks/fuzz.py [--inputs N] [--seed S] [--only WORD ...] [--keep]
 
-Counts what came of the inputs of each target; what must not come (an exception, more than 5 s, a
-wrong success, a process that grows) is printed, and its input kept in build/fuzz for a test
-(`Run`, `unpack`: `tests/hostile/run.py`). `--keep` adds the run to benchmarks/results/fuzz.json,
-which says of each on which code it was; the same seed is not counted twice.
+Counts the outcomes of each target's inputs; forbidden ones (an exception, more than 5 s, a wrong
+success, a growing process) are printed, and the input is kept in build/fuzz for a test (`Run`,
+`unpack`: `tests/hostile/run.py`). `--keep` adds the run, with the commit of its code, to
+benchmarks/results/fuzz.json; the same seed is not counted twice.
 """
 
 import argparse
@@ -35,7 +35,7 @@ KEPT = ROOT / "build" / "fuzz"
 
 
 def main() -> int:
-    """Run until there have been so many; the exit status says whether all was well."""
+    """Run the given number of inputs; return 0 if none failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=2_000_000)
     parser.add_argument("--seed", type=int, default=1)

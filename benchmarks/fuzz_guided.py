@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile input led by coverage (atheris, of libFuzzer) for one target of benchmarks/fuzz.py.
+"""Try hostile input guided by coverage (atheris, of libFuzzer) on one target of benchmarks/fuzz.py.
 
     make atheris TARGET="mission files" FLAGS="-max_total_time=600"
 
-Good inputs of the target are changed by it, and by libFuzzer, towards lines that none has reached.
-What must not come of an input ends the run; the input is kept in build/atheris-found.
+Valid inputs of the target are mutated by it, and by libFuzzer, towards lines not yet reached. A
+forbidden outcome ends the run; its input is kept in build/atheris-found.
 """
 
 import sys
@@ -43,7 +43,7 @@ OWN = 0.3
 
 
 def main() -> None:
-    """Run until something is found, or libFuzzer's options end it."""
+    """Run until a failure is found, or libFuzzer's options end the run."""
     name = sys.argv[1]
     named = {target.name: target for target in all_targets(ROOT / "bags" / "reference")}
     if name not in named:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of one compiled guidance cycle and of whole compiled flights.
+"""Measure the time of one compiled guidance cycle and of whole compiled flights.
 
-Navigation states of a nominal 1 Hz flight are recorded first; then the cycles are run over
-them again and again inside compiled code, so that no Python call is in the figure.
+Navigation states of a nominal 1 Hz flight are recorded first; the cycles are then repeated over
+them inside compiled code, so that no Python call is included.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 @kernel
 def cycles(navs: NDArray[Any], mission: MissionArrays, onboard: OnboardArrays) -> int:
-    """Run one guidance step on each navigation state; returns the iterations made."""
+    """Run one guidance step on each navigation state; return the iterations made."""
     believed, held = mission_records(mission), onboard_records(onboard)
     for k in range(navs.shape[0]):
         onboard.navigation[0] = navs[k]
@@ -39,7 +39,7 @@ def cycles(navs: NDArray[Any], mission: MissionArrays, onboard: OnboardArrays) -
 
 
 def record_navigation(mission: Any, settings: LawSettings, name: str) -> NDArray[np.void]:
-    """Navigation states of a nominal flight, one a second."""
+    """Return the navigation states of a nominal flight, one per second."""
     simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
     law = make_law(name, mission.arrays(), settings)
     states = []

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How surely the impact point is kept out of an area, where a failure leaves no orbit.
+"""Measure how reliably the impact point is kept out of an area when a failure leaves no orbit.
 
     ./ares exec python benchmarks/impact_points.py [--failures N] [--seed S] [--keep]
 
-Dispersed flights, each with a failure whose time and size are drawn: the stage below the last shut
-down early, or thrust and flow of any burn at 5 to 60 %. Of those that fall although thrust was
-left, a circle is drawn about where they do (30 to 500 km, its middle up to half of that away), and
-the same flight is flown again with that area in its mission.
+Dispersed flights, each with a failure of random time and size: the stage below the last shut down
+early, or thrust and flow of any burn at 5 to 60 %. Around the impact points of those that fall
+although thrust was left, a circle is drawn (30 to 500 km, its centre up to half of that away), and
+the same flight is repeated with that area in its mission.
 """
 
 import argparse
@@ -37,7 +37,7 @@ def with_areas(name, areas):
 
 
 def draw(mission, ended, random):
-    """One failure."""
+    """Draw one failure."""
     times = mission.ignition_times()
     if random.random() < 0.5:
         at = random.uniform(times[0] + 5.0, times[-1] - 5.0)
@@ -48,7 +48,7 @@ def draw(mission, ended, random):
 
 
 def fly(mission, failure, seed, flight):
-    """A flight and its impact."""
+    """Return a flight and its impact."""
     dispersions = load_dispersions("standard")
     flown = fly_compiled(mission, CAMPAIGN, dispersions, seed, flight, failure=failure)
     plant = flown.plant
@@ -70,7 +70,7 @@ def area_about(impact, random):
 
 
 def kept_out(name, count, seed):
-    """Ends of flights that would have fallen into an area, and those inside without a word."""
+    """Count the ends of flights that would fall into an area; list those inside unreported."""
     random = np.random.default_rng(seed)
     plain = with_areas(name, [])
     ended = float(fly_compiled(plain, CAMPAIGN).plant["time"])

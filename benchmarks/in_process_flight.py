@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded flight in one process against a bare exchange of the same messages, in turn.
+"""Compare a recorded flight in one process with a bare exchange of the same messages, in turn.
 
     ./ares exec python benchmarks/in_process_flight.py [--rounds N]
 
-The exchange is two nodes on one executor that compute nothing: one sends the clock, the true state
-and the navigation state, the other the command, and with each tenth its status.
+The exchange is two nodes on one executor without computation: one sends the clock, the true state
+and the navigation state, the other the command, and with every tenth its status.
 """
 
 import argparse
@@ -38,10 +38,10 @@ CYCLE = 10
 
 
 class Exchange:
-    """Two nodes that answer one another."""
+    """Run two nodes that answer each other."""
 
     def __init__(self, context: Context, count: int) -> None:
-        """Nothing is sent yet; `count` navigation states will be."""
+        """Prepare to send `count` navigation states."""
         self.left = count
         self.answers = 0
         self.one = Node("one", namespace="ares", context=context)
@@ -55,27 +55,27 @@ class Exchange:
         self.other.create_subscription(NavState, NAV_STATE, self.on_nav, FLIGHT)
 
     def send(self) -> None:
-        """One state."""
+        """Send one state."""
         self.clock.publish(Clock())
         self.truth.publish(VehicleState())
         self.nav.publish(NavState())
 
     def on_nav(self, _: NavState) -> None:
-        """Answer it."""
+        """Answer a state."""
         self.command.publish(ThrustCommand())
         self.answers += 1
         if self.answers % CYCLE == 0:
             self.status.publish(GuidanceStatus())
 
     def on_command(self, _: ThrustCommand) -> None:
-        """Send the next."""
+        """Send the next state."""
         self.left -= 1
         if self.left:
             self.send()
 
 
 def exchange(count: int) -> float:
-    """Wall time of `count` states and answers, s."""
+    """Return the wall time of `count` states and answers, s."""
     context = Context()
     with claimed_domain() as domain:
         rclpy.init(args=[], context=context, domain_id=domain)
@@ -98,7 +98,7 @@ def exchange(count: int) -> float:
 
 
 def flight(bag: Path) -> tuple[float, int]:
-    """Wall time of the default flight without its start-up, s, and its navigation states."""
+    """Return the default flight's wall time without start-up, s, and its navigation states."""
     summary = fly(FlyOptions(in_process=True, bag=bag))
     assert summary.exit_code == 0 and summary.realtime_factor is not None
     length = summary.events[-1].time - summary.events[0].time
@@ -106,7 +106,7 @@ def flight(bag: Path) -> tuple[float, int]:
 
 
 def main() -> None:
-    """Print both, and their ratio, of each round."""
+    """Print both times and their ratio for each round."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5)
     keep_option(parser)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorders killed by SIGKILL at a random byte of their file: what the repaired bag still holds.
+"""Kill recorders at a random byte of their file, and compare the repaired bags with the promise.
 
     ./ares exec python benchmarks/killed_recorder.py [--trials N] [--seed S] [--keep]
 
-A publisher sends a made-up flight at the rate of a paced or of a lock-step flight to the process
-of a recorder alone. When the file has grown to a size drawn at random, and up to 0.6 s later, the
-process is killed, and its bag repaired.
+A publisher sends a synthetic flight, at the rate of a paced or of a lock-step flight, to a recorder
+process. When the file has grown to a random size, and up to 0.6 s later, the process is killed, and
+its bag repaired.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from ares_trials.testing.ros import ros_context_on
 
 
 def trial(domain: int, seed: int, number: int) -> Killed:
-    """One recorder and its end."""
+    """Run one recorder to its kill."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
     with tempfile.TemporaryDirectory() as name, ros_context_on(domain) as context:
         random = Random(f"{seed} {number}")
@@ -31,7 +31,7 @@ def trial(domain: int, seed: int, number: int) -> Killed:
 
 
 def main() -> None:
-    """Print each trial, and how many kept the promise."""
+    """Print each trial, and the number that kept the promise."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws over a link that takes time and loses messages (docs/hardware_in_the_loop.md)."""
+"""Fly the laws over a link with latency and loss (docs/hardware_in_the_loop.md)."""
 
 import argparse
 import json
@@ -24,7 +24,7 @@ AGE = 60.0
 
 
 def join(options: LinkOptions, node: Node) -> Link:
-    """A link on a node."""
+    """Insert a link by a node."""
     link = Link(node, options)
     if options.wall:
         node.create_timer(LOOK_PERIOD, link.look)
@@ -37,12 +37,12 @@ def fly(
     """Fly Ares V over a link.
 
     Args:
-        law: of guidance.
+        law: guidance law.
         latency_s: one way, s of flight time; with a pace, of the wall clock.
-        loss: share of messages, either way.
-        jitter: the longest, as a share of the latency.
+        loss: fraction of messages lost, either way.
+        jitter: largest jitter, as a fraction of the latency.
         seed: of jitter and loss.
-        pace: real-time factor; 0: in lock-step.
+        pace: real-time factor; 0: lock-step.
     """
     link = LinkOptions(latency_s, jitter * latency_s, loss, seed, wall=pace > 0.0)
     options = {"guidance": law, "navigation_period_s": 0.1, "pace": pace}

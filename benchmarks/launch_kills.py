@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each process of a flight under the real `ros2 launch`, killed, stopped and ended at random times.
+"""Kill, stop and end each process of a flight under the real `ros2 launch` at random times.
 
     ./ares exec python benchmarks/launch_kills.py [-n N] [--seed S] [--workers W] [--keep]
 
-`ros2` has to be that of a full ROS 2 (docs/install.md). A trial begins a flight of a short burn
-with all seven nodes, waits for a random time, sends SIGKILL, SIGTERM, or SIGSTOP and some seconds
-later SIGCONT, to one process, and looks how the launch ends.
+`ros2` must be that of a full ROS 2 (docs/install.md). A trial starts a flight of a short burn with
+all seven nodes, waits for a random time, sends SIGKILL, SIGTERM, or SIGSTOP and some seconds later
+SIGCONT, to one process, and examines the end of the launch.
 """
 
 import argparse
@@ -54,7 +54,7 @@ SPARED = ("optimizer", "view", "live")
 
 
 class Trial(NamedTuple):
-    """Name an act, on whom, when (s of wall time after the start), and for how long if stopped."""
+    """Hold a signal, its process, its time (s after the start), and the duration of a stop."""
 
     name: str
     number: signal.Signals
@@ -67,13 +67,13 @@ class End:
     """Hold the outcome of a trial.
 
     Attributes:
-        trial: what was done.
+        trial: the trial.
         status: of the launcher.
-        phase: when the signal came: `before the flight`, `in flight`, `after the flight`.
-        output: all that was said.
+        phase: time of the signal: `before the flight`, `in flight`, `after the flight`.
+        output: everything printed.
         ended_s: wall time from the last signal to the launcher's end.
-        left: processes that were alive LEFT_BEHIND later.
-        wrong: one line for each thing that is not as documented.
+        left: processes alive LEFT_BEHIND later.
+        wrong: deviations from the documentation, one line each.
     """
 
     trial: Trial | None
@@ -86,7 +86,7 @@ class End:
 
 
 def marked(mark: str) -> dict[int, str]:
-    """Command lines of the processes of one trial that have not ended, by their ids."""
+    """Return the command lines of a trial's running processes, by process id."""
     found = {}
     for entry in Path("/proc").iterdir():
         with suppress(OSError):
@@ -98,7 +98,7 @@ def marked(mark: str) -> dict[int, str]:
 
 
 def wait_for(condition: Callable[[], bool], seconds: float) -> bool:
-    """Tell whether something becomes so in time."""
+    """Tell whether a condition becomes true in time."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -108,13 +108,13 @@ def wait_for(condition: Callable[[], bool], seconds: float) -> bool:
 
 
 def pid_of(name: str, mark: str) -> int:
-    """Process id of a node that runs; 0 if there is none."""
+    """Return the process id of a running node; 0 without one."""
     lines = marked(mark)
     return next((pid for pid, line in lines.items() if f"__node:={name} " in line + " "), 0)
 
 
 def fly(trial: Trial | None, folder: Path) -> End:
-    """One flight, and what was done to it."""
+    """Run one flight with its trial."""
     mission = folder / "mission.yaml"
     mission.write_text(yaml.safe_dump(short_burn()))
     mark = uuid.uuid4().hex
@@ -156,7 +156,7 @@ def fly(trial: Trial | None, folder: Path) -> End:
 
 
 def disturb(trial: Trial, process: "subprocess.Popen[bytes]", mark: str) -> str:
-    """Send the signals; in which phase of the flight the first one came."""
+    """Send the signals; return the phase of the flight at the first one."""
     time.sleep(trial.after)
 
     def there() -> bool:
@@ -178,7 +178,7 @@ def disturb(trial: Trial, process: "subprocess.Popen[bytes]", mark: str) -> str:
 
 
 def complaints(end: End, bag: Path) -> Iterator[str]:
-    """Name what of an end is not as documented."""
+    """Yield the deviations of an end from the documentation."""
     status, said = end.status, end.output
     arrived = "main-engine cut-off" in said
     if status is None or end.ended_s >= PATIENCE:
@@ -206,7 +206,7 @@ def complaints(end: End, bag: Path) -> Iterator[str]:
 
 
 def documented(trial: Trial, end: End) -> set[int]:
-    """Statuses that a launch may end with, by what was said in it."""
+    """Return the exit statuses that are valid for the output of a launch."""
     if end.phase == "after the launch":
         return {TARGET}
     if trial.number == signal.SIGSTOP:
@@ -252,13 +252,13 @@ def trials(count: int, seed: int, duration: float) -> list[Trial]:
 
 
 def attempt(trial: Trial | None) -> End:
-    """One trial in a folder of its own."""
+    """Run one trial in a folder of its own."""
     with tempfile.TemporaryDirectory(prefix="ares-launch-") as folder:
         return fly(trial, Path(folder))
 
 
 def main() -> int:
-    """Print and keep the counts; 1 if anything was not as documented."""
+    """Print and keep the counts; return 1 if anything deviated from the documentation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-n", type=int, default=5, help="times for each process and signal")
     parser.add_argument("--seed", type=int, default=0)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real launchers by public figures: what `auto` finds beside another program, and what laws lose.
+"""Solve real launchers from public figures by `auto` and by another program, and fly the laws.
 
 The answers in `launchers/answers.json` are of a program that shares nothing with the project:
 Radau collocation by CasADi with IPOPT from up to ten starts, the best solved again on a finer mesh.
 It keeps coasts 100 km above a sphere of the equatorial radius; here they stay 100 km above the
-ellipsoid, so that more is possible where a coast touches its floor far from the equator.
+ellipsoid, which allows more where a coast touches that bound far from the equator.
 """
 
 import argparse
@@ -31,7 +31,7 @@ LIMIT_S = 300.0
 
 
 def flown(mission: Mission, law: str, optimum_kg: float) -> dict[str, Any]:
-    """Fly a mission by a law: what is reached, and what is lost to the optimum, %."""
+    """Fly a mission by a law; return the end, and the loss against the optimum, %."""
     try:
         flight = fly_compiled(mission, law=law)
     except ValueError as error:
@@ -51,7 +51,7 @@ def flown(mission: Mission, law: str, optimum_kg: float) -> dict[str, Any]:
 
 
 def row(path: Path, known_kg: float, laws: tuple[str, ...]) -> dict[str, Any]:
-    """Solve one mission, and fly it."""
+    """Solve and fly one mission."""
     mission = load_mission(path)
     began, worked = time.perf_counter(), time.process_time()
     found = solve(mission, "auto", time_limit_s=LIMIT_S, verify=False)
@@ -72,7 +72,7 @@ def row(path: Path, known_kg: float, laws: tuple[str, ...]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print a row per mission, and the sums."""
+    """Print a row per mission, and the totals."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="missions; default: all")
     parser.add_argument("--plan-only", action="store_true", help="fly nothing")

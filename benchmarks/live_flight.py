@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights in lock-step with and without the live page, in turn; updates of a reader.
+"""Compare lock-step flights with and without the live page, in turn; count a reader's updates.
 
     ./ares exec python benchmarks/live_flight.py [--rounds N] [--chromium]
 
-The reader takes all that it gets and draws nothing; `--chromium` opens the page in a browser
-without a window instead, which draws it on the same processors.
+The reader receives everything and draws nothing; `--chromium` instead opens the page in a headless
+browser, which draws it on the same processors.
 """
 
 import argparse
@@ -29,10 +29,10 @@ PACE = 15.0
 
 
 class Reader:
-    """A page that draws nothing: reads from its start to the end of the server."""
+    """Read from the server until its end, without drawing."""
 
     def __init__(self, port: int) -> None:
-        """Connect as soon as somebody answers."""
+        """Connect as soon as the server answers."""
         self.times: list[float] = []
         self._address = f"ws://{LOOPBACK}:{port}/socket"
         self._thread = threading.Thread(target=lambda: asyncio.run(self._read()), daemon=True)
@@ -50,16 +50,16 @@ class Reader:
                 self.times.append(loop.time())
 
     def rate(self) -> float:
-        """Updates per second, once the server has ended."""
+        """Return the updates per second, once the server has ended."""
         self._thread.join()
         return (len(self.times) - 1) / (self.times[-1] - self.times[0])
 
 
 class Chromium:
-    """The page in a browser without a window."""
+    """Open the page in a headless browser."""
 
     def __init__(self, port: int) -> None:
-        """Open it as soon as it is served."""
+        """Open the page as soon as it is served."""
         self._port = port
         self._over = threading.Event()
         self._rate = 0.0
@@ -86,14 +86,14 @@ class Chromium:
             browser.close()
 
     def rate(self) -> float:
-        """Drawings per second."""
+        """Return the drawings per second."""
         self._over.set()
         self._thread.join()
         return self._rate
 
 
 def flown(bag: Path, pace: float, viewer: type[Reader] | type[Chromium] | None) -> list[float]:
-    """Real-time factor of the default flight and, if it is looked at, updates per second."""
+    """Return the real-time factor of the default flight and, with a viewer, updates per second."""
     port = free_port(LOOPBACK, 0)
     live = LiveOptions(port=port, wait=True) if viewer else None
     reader = viewer(port) if viewer else None

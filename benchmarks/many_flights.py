@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights one after the other: memory, handles, threads and shared memory of who flies them.
+"""Measure memory, descriptors, threads and shared memory over many consecutive flights.
 
     ./ares exec python benchmarks/many_flights.py [--flights N] [--processes N] [--keep]
 
-`--flights` are flown in this process, `--processes` in processes of their own that this one starts;
-each is a burn of a minute of flight time, recorded. What is held is looked at after each.
+`--flights` are flown in this process, `--processes` in child processes; each is a recorded burn of
+a minute of flight time. The resources are measured after each.
 """
 
 import argparse
@@ -25,7 +25,7 @@ FIRST = 5
 
 
 def flown(folder: Path, count: int, in_process: bool) -> tuple[list[Held], set[str]]:
-    """What is held after each flight, and what is left in shared memory that nobody uses."""
+    """Return the resources after each flight, and the orphans in shared memory."""
     mission = folder / "burn.yaml"
     mission.write_text(yaml.safe_dump(short_burn()))
     used: set[str] = set()
@@ -44,7 +44,7 @@ def flown(folder: Path, count: int, in_process: bool) -> tuple[list[Held], set[s
 
 
 def report(figures: Figures, what: str, rows: list[Held], left: set[str]) -> None:
-    """First and last of what was held."""
+    """Add the first and last resources."""
     first, last = rows[min(FIRST, len(rows) - 1)], rows[-1]
     figures.add(f"flights {what}", len(rows), "")
     for name, unit in (
@@ -60,7 +60,7 @@ def report(figures: Figures, what: str, rows: list[Held], left: set[str]) -> Non
 
 
 def main() -> None:
-    """Print what was held, at the beginning and at the end."""
+    """Print the resources at the beginning and at the end."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--flights", type=int, default=200)
     parser.add_argument("--processes", type=int, default=200)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights per second of a campaign: ours on one core and on all, RocketPy's, Basilisk's.
+"""Measure flights per second of a campaign: ours on one core and on all, RocketPy's, Basilisk's.
 
     ./ares exec python benchmarks/montecarlo.py [--flights N] [--peers N] [--law peg]
 
-What a flight is, differs: see benchmarks/README.md. Ours is timed with the Parquet file and
-without start-up; `--flights` are flown by ours, `--peers` by everybody.
+The flights differ: see benchmarks/README.md. Ours are timed with the Parquet file and without
+start-up; `--flights` are flown by ours, `--peers` by all.
 """
 
 import argparse
@@ -20,9 +20,9 @@ from pathlib import Path
 from figures import Figures, keep_option
 
 from ares_models.mission import load_mission
-from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import cores, fly_here, fly_on_cores
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.store import Store
 from ares_vehicle_sim.dispersions import load_dispersions
 
@@ -30,17 +30,17 @@ PEERS = {"RocketPy": "montecarlo_rocketpy.py", "Basilisk": "montecarlo_basilisk.
 
 
 def ours(settings, flights, engine):
-    """Flights per second, and the peak memory of this process, MB."""
-    Range(settings).fly(0, 1)
+    """Return flights per second, and the peak memory of this process, MB."""
+    FlightRange(settings).fly(0, 1)
     with tempfile.TemporaryDirectory() as folder, Store(Path(folder), settings) as store:
         begun = time.perf_counter()
-        fly_campaign(Plan(settings, flights), store, engine, lambda _: None)
+        fly_campaign(CampaignPlan(settings, flights), store, engine, lambda _: None)
         seconds = time.perf_counter() - begun
     return flights / seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def peer(script, flights, processes):
-    """What a peer's script prints; None where the peer is not installed."""
+    """Return the output of a peer's script; None if the peer is not installed."""
     done = subprocess.run(
         [sys.executable, str(Path(__file__).with_name(script)), str(flights), str(processes)],
         capture_output=True,

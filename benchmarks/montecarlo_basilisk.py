@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Basilisk's Monte Carlo: our ascent's length and dispersions without guidance.
+"""Fly Basilisk's Monte Carlo: our ascent's length and dispersions, without guidance.
 
     python benchmarks/montecarlo_basilisk.py FLIGHTS PROCESSES
 
@@ -29,10 +29,10 @@ SECONDS = 611.0
 
 
 class Ascent(SimulationBaseClass.SimBaseClass):
-    """A flight, built."""
+    """Hold a flight, ready to run."""
 
     def __init__(self):
-        """Spacecraft, gravity, thrust, and a recorder of the state."""
+        """Create spacecraft, gravity, thrust, and a recorder of the state."""
         super().__init__()
         process = self.CreateNewProcess("process")
         process.addTask(self.CreateNewTask("task", macros.sec2nano(1.0)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""RocketPy's Monte Carlo: a sounding rocket to its apogee. Run by montecarlo.py.
+"""Fly RocketPy's Monte Carlo: a sounding rocket to its apogee. Run by montecarlo.py.
 
     python benchmarks/montecarlo_rocketpy.py FLIGHTS PROCESSES
 

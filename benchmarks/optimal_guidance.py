@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of the optimal law's solves: after a kick, from a PEG guess, and under dispersions.
+"""Measure the optimal law's solutions: after a kick, from a PEG guess, and under dispersions.
 
 The call is that of the guidance cycle, through Python: a few microseconds of each figure are the
 call itself.
@@ -23,7 +23,7 @@ KICK_M, KICK_M_S = 50.0, 0.5
 
 
 def timed_solve(mission: Mission, law: Law, nav: Any) -> tuple[float, bool]:
-    """One solve on board, s, and whether the optimum was found."""
+    """Return the time of one solution on board, s, and whether the optimum was found."""
     arrays = mission.arrays(foreseen=True)
     begun = time.perf_counter()
     error = solve_optimal(
@@ -42,7 +42,7 @@ def timed_solve(mission: Mission, law: Law, nav: Any) -> tuple[float, bool]:
 
 
 def warm_and_cold(mission: Mission, repeats: int, seed: int) -> dict[str, NDArray[np.float64]]:
-    """Solves at the start of the mission: after a kick, and from PEG's steering."""
+    """Time solutions at the start of the mission: after a kick, and from PEG's steering."""
     rng = np.random.default_rng(seed)
     start = np.array([Simulator(mission).navigation])
     times: dict[str, list[float]] = {"warm": [], "cold": []}
@@ -61,7 +61,7 @@ def warm_and_cold(mission: Mission, repeats: int, seed: int) -> dict[str, NDArra
 
 
 def in_flight(mission: Mission, flights: int) -> tuple[NDArray[np.float64], int]:
-    """Time of every due guidance cycle of dispersed flights, ms, and how many fell back."""
+    """Return the time of every due guidance cycle of dispersed flights, ms, and the fallbacks."""
     dispersions = load_dispersions(STANDARD)
     options = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
     times, fell_back = [], 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time to the optimum of the default mission: ours, CasADi SX with IPOPT, Dymos with SLSQP.
+"""Measure the time to the default mission's optimum: ours, CasADi SX with IPOPT, Dymos with SLSQP.
 
 All solve the 11-parameter problem with the same physics and the same density table, from the
 same guesses, in a warm process. A peer that ends more than 1 kg from our optimum has failed.
@@ -25,17 +25,17 @@ AGREEMENT_KG = 1.0
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table.
+    """Hold one line of the table.
 
     Attributes:
         name: of the solver.
         guess: name of the guess.
         median_ms: of the repeats.
         m_f_kg: final mass reached.
-        iterations: made.
-        success: the solver's own word.
-        note: anything else.
-        miss: radius (m) and speed (m/s) when its answer is flown by our kernels.
+        iterations: number of iterations.
+        success: as reported by the solver.
+        note: remark.
+        miss: errors of radius (m) and speed (m/s) of its answer flown by our kernels.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Row:
 
 
 def median_ms(work: Callable[[], object], repeats: int) -> float:
-    """Median wall clock of ``repeats`` calls after one that does not count."""
+    """Return the median wall time of ``repeats`` calls after one that does not count."""
     times = []
     for _ in range(repeats + 1):
         begun = time.perf_counter()
@@ -59,7 +59,7 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def ours(ascent: Ascent, name: str, guess: Guess, repeats: int) -> Row:
-    """``direct11`` through the public call, without the verification flight."""
+    """Time ``direct11`` through the public call, without the verification flight."""
 
     def work() -> object:
         return solve(ascent.mission, "direct11", guess=guess, verify=False)
@@ -78,7 +78,7 @@ def ours(ascent: Ascent, name: str, guess: Guess, repeats: int) -> Row:
 
 
 def own_start(ascent: Ascent, method: str, repeats: int) -> Row:
-    """A method of ours from the solver's own start; time of the search alone."""
+    """Time the search of one of our methods from its own start."""
     solutions = [solve(ascent.mission, method, verify=False) for _ in range(repeats + 1)][1:]
     last = solutions[-1]
     return Row(
@@ -100,7 +100,7 @@ def casadi_rows(
     grid: str,
     compiled: bool = False,
 ) -> list[Row]:
-    """CasADi: every set of options tried, the fastest that reaches the optimum kept."""
+    """Time CasADi with every set of options; keep the fastest that reaches the optimum."""
     from casadi_ascent import BOXES, OPTIONS, STEPS, CasadiAscent, build
 
     begun = time.perf_counter()
@@ -143,7 +143,7 @@ def _order(row: Row, optimum: float) -> tuple[bool, float]:
 
 
 def dymos_rows(ascent: Ascent, starts: dict[str, Array], repeats: int, optimum: float) -> list[Row]:
-    """Dymos: Gauss-Lobatto and Radau, the fastest that reaches the optimum kept."""
+    """Time Dymos with Gauss-Lobatto and Radau; keep the fastest that reaches the optimum."""
     from dymos_ascent import GRIDS, DymosAscent
 
     best: dict[str, Row] = {}
@@ -200,7 +200,7 @@ def show(rows: list[Row], reference: dict[str, float], optimum: float) -> None:
 
 
 def keep(rows: list[Row], optimum: float) -> None:
-    """Write the medians of those that reached the optimum."""
+    """Write the medians of the solvers that reached the optimum."""
     figures = Figures(__file__, "Time to the optimum of ares_v, warm process, medians.")
     for row in rows:
         if not _order(row, optimum)[0]:
@@ -210,7 +210,7 @@ def keep(rows: list[Row], optimum: float) -> None:
 
 
 def main() -> None:
-    """Run everything that is installed."""
+    """Run all solvers that are installed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=51, help="of ours and CasADi's solutions")
     parser.add_argument("--dymos-repeats", type=int, default=3)

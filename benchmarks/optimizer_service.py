@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an answer of `solve_trajectory` costs beside the bare solve, the node in its own process."""
+"""Compare an answer of `solve_trajectory`, by a node in its own process, with the bare solution."""
 
 import argparse
 import os
@@ -22,7 +22,7 @@ READY_TIMEOUT = 600.0  # s, the first start compiles
 
 
 def bare(mission: str, method: str, count: int) -> list[float]:
-    """Wall time of the solver's own calls, s."""
+    """Return the wall time of the solver's own calls, s."""
     read = load_mission(mission)
     arrays, start = read.arrays(), read.start().navigation()
     times = []
@@ -40,7 +40,7 @@ def bare(mission: str, method: str, count: int) -> list[float]:
 
 
 def answered(mission: str, method: str, count: int) -> tuple[list[float], list[float]]:
-    """Wall time from the request to its answer, and what the answer says of the solve, s."""
+    """Return the wall time of requests, and the solution time in their answers, s."""
     rclpy.init()
     node = Node("client", namespace="ares")
     executor = EventsExecutor()

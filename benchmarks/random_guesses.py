@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often, how fast and how honestly the optimizer solves the default mission from anywhere.
+"""Measure how often, how fast and how honestly the optimizer solves from random guesses.
 
 Guesses: B within 60 deg of V0 (even over the cap), each component of A within +-2e-3 1/s,
 t_PLF 420 s and t_burn 330 s each times 0.7 to 1.3.
@@ -21,7 +21,7 @@ AGREEMENT_KG = 1.0
 
 
 def random_guess(velocity: Array, generator: np.random.Generator) -> Guess:
-    """One guess of the set in the module text."""
+    """Draw one guess of the set in the module text."""
     axis = velocity / np.linalg.norm(velocity)
     cosine = generator.uniform(np.cos(np.radians(60.0)), 1.0)
     across = np.cross(axis, generator.normal(size=3))
@@ -34,7 +34,7 @@ def random_guess(velocity: Array, generator: np.random.Generator) -> Guess:
 
 @dataclass
 class Tally:
-    """Outcomes of one solver."""
+    """Count the outcomes of one solver."""
 
     name: str
     reached: int = 0
@@ -65,7 +65,7 @@ class Tally:
 
 
 def run_ours(ascent: Ascent, guesses: list[Guess], optimum: float, verify: bool) -> Tally:
-    """Our ``direct11`` on every guess."""
+    """Run our ``direct11`` on every guess."""
     tally = Tally("direct11, verified" if verify else "direct11")
     for guess in guesses:
         begun = time.perf_counter()
@@ -76,7 +76,7 @@ def run_ours(ascent: Ascent, guesses: list[Guess], optimum: float, verify: bool)
 
 
 def run_casadi(ascent: Ascent, guesses: list[Guess], optimum: float) -> list[Tally]:
-    """CasADi and IPOPT on the same guesses, one line per set of options."""
+    """Run CasADi and IPOPT on the same guesses, one line per set of options."""
     from casadi_ascent import BOXES, OPTIONS, STEPS, CasadiAscent, build
 
     programme = build(ascent, STEPS["coarse"])

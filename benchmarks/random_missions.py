@@ -61,7 +61,7 @@ def row(kind: str, seed: int, laws: tuple[str, ...]) -> dict[str, Any]:
 
 
 def told(one: dict[str, Any]) -> list[str]:
-    """Say what is wrong with one row, and which of its flights is not as planned."""
+    """Describe the faults of one row and of its flights."""
     others = [one[method].get("final_mass_kg") or 0.0 for method in METHODS[1:]]
     best, auto = max(others), one["auto"]
     mass = auto.get("final_mass_kg")
@@ -81,7 +81,7 @@ def told(one: dict[str, Any]) -> list[str]:
 
 
 def print_sums(rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
-    """Print what was found, missed, flown and lost."""
+    """Print the solutions found and missed, the flights and their losses."""
     solved = [one for one in rows if "laws" in one]
     kinds = Counter(line.partition(":")[0] for one in rows for line in told(one))
     optimal = sum(one["auto"]["status"] == Status.CONVERGED for one in rows)

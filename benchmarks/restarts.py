@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guidance lost at any time of flight and begun anew: which flights arrive, by mission and law.
+"""Lose guidance at any time of flight and restart it; count the arrivals by mission and law.
 
     ./ares exec python benchmarks/restarts.py [--times N] [--planned N] [--away S ...] [--keep]
 
 In one process, without the nodes (`ares_trials.restarts`): at `--times` times over the whole
-flight, and behind each of its events. A law that needs a plan asks the optimizer for one at each,
-seconds of work: of such missions `--planned` times are tried.
+flight, and after each of its events. A law that needs a plan requests one at each, which takes
+seconds: for such missions `--planned` times are tried.
 """
 
 import argparse
@@ -22,7 +22,7 @@ ENOUGH = 30.0
 
 
 def report(figures: Figures, what: str, flights: Restarts, ends: list[Restarted]) -> None:
-    """How many of those with time enough arrived, and what the others lacked."""
+    """Count the arrivals of flights with enough time, and describe the others."""
     due = [end for end in ends if end.left_s >= ENOUGH]
     arrived = sum(end.arrived for end in due)
     figures.add(f"{what}: arrives undisturbed", int(flights.arrives), "")

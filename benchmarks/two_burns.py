@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time to a plan of transfers in two burns: `auto` from the file alone beside CasADi in one run.
+"""Measure the time to a plan of transfers in two burns: `auto` from the file alone, and CasADi.
 
-CasADi has the same collocation: variables, rows, intervals, and the flown guesses of as many
-starts as `auto` takes at least; its derivatives are its own, by SX, and IPOPT comes with its wheel.
-Building its functions is given apart, since a graph that is kept could be solved again. It stops at
-the best of its starts: no finer intervals and no exact root, which are in the time of `auto`. All
-times are of the processor, in a warm process.
+CasADi has the same collocation: variables, rows, intervals, and the flown guesses of as many starts
+as `auto` tries at least; its derivatives are its own, by SX, and IPOPT comes with its wheel. The
+time of building its functions is listed separately, since a graph could be kept. It stops at the
+best of its starts: no finer intervals and no exact root, which are in the time of `auto`. All times
+are CPU times in a warm process.
 """
 
 import argparse
@@ -46,20 +46,20 @@ STARTS = 5
 
 
 def mission_of(name: str) -> Mission:
-    """A mission of the launchers, or a shipped one."""
+    """Load a mission of the launchers, or a shipped one."""
     own = FILES / f"{name}.yaml"
     return load_mission(own if own.exists() else name)
 
 
 def ours(mission: Mission, verify: bool) -> tuple[float, float, str]:
-    """CPU time of a plan by ``auto``, s, its mass, kg, and its status."""
+    """Return the CPU time of a plan by ``auto``, s, its mass, kg, and its status."""
     begun = time.process_time()
     found = solve(mission, "auto", verify=verify)
     return time.process_time() - begun, found.m_f_kg, str(found.status)
 
 
 def theirs(mission: Mission) -> tuple[float, float, float]:
-    """CPU time of CasADi, guesses and solutions, and of building, s; its best mass, kg."""
+    """Return CasADi's CPU times of guesses and solutions, and of building, s; its best mass, kg."""
     from casadi_collocation import CasadiCollocation
 
     arrays, start = arrays_and_state(mission, None)
@@ -75,7 +75,7 @@ def theirs(mission: Mission) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Print a row per mission, and medians."""
+    """Print a row per mission, and the medians."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", default=MISSIONS, help="missions; default: all")
     keep_option(parser)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests that cross packages share."""
+"""Fixtures of the tests that cross packages."""
 
 import importlib.util
 import os
@@ -45,7 +45,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 class Graph:
-    """Nodes of one test on one executor, and an observer of what they say."""
+    """Hold nodes of one test on one executor, and an observer of their messages."""
 
     def __init__(self, context, stack):
         self.context = context
@@ -94,7 +94,7 @@ class Graph:
 
 
 class Done(NamedTuple):
-    """What `subprocess.run` would say of a command."""
+    """Hold the result of a command, as `subprocess.run` returns it."""
 
     returncode: int
     stdout: str
@@ -105,13 +105,13 @@ class Done(NamedTuple):
 def ares(
     ros_domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., Done]:
-    """`ares WORD ...` in this process, on the domain of the test.
+    """Run `ares WORD ...` in this process, on the domain of the test.
 
-    For what happens in one process anyway: its start takes longer than most of what is asked.
+    For verbs of a single process, whose start would take longer than their work.
     """
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     for name, value in discovery_settings().items():
-        # the command sets them, and would for all tests to come
+        # the command sets them, which would affect later tests
         monkeypatch.setenv(name, value)
 
     def run(*words: str) -> Done:
@@ -125,7 +125,7 @@ def ares(
 
 @pytest.fixture(scope="session")
 def ros2() -> list[str]:
-    """The `ros2` command, or what stands in for its verb `launch`."""
+    """Return the `ros2` command, or the stand-in for its verb `launch`."""
     found = shutil.which("ros2")
     stand_in = Path(__file__).parent / "stand_ins" / "ros2"
     return [found] if found else [sys.executable, str(stand_in)]
@@ -166,7 +166,7 @@ def browser():
 
 @pytest.fixture(scope="session")
 def serious_faults() -> Callable[[Any], list[str]]:
-    """What axe-core finds on a page that keeps somebody from reading it."""
+    """Return a function that lists the serious faults axe-core finds on a page."""
     from axe_playwright_python.sync_playwright import Axe
 
     def find(page: Any) -> list[str]:
@@ -191,7 +191,7 @@ def _note(complaints: list[str], text: str) -> None:
 
 @pytest.fixture
 def open_file(browser):
-    """Opens a page as a reader would, network off; afterwards nothing may have gone wrong."""
+    """Open a page without network; afterwards assert that nothing went wrong."""
     complaints = []
     contexts = []
 
@@ -226,7 +226,7 @@ def open_file(browser):
 
 @pytest.fixture(scope="session")
 def page_of_one(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """`ares report` of the reference flight."""
+    """Run `ares report` on the reference flight."""
     out = tmp_path_factory.mktemp("one") / "flight.html"
     assert main(["report", str(REFERENCE), "--out", str(out)]) == 0
     return out
@@ -234,7 +234,7 @@ def page_of_one(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def dispersed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bag of a flight whose navigation errs."""
+    """Fly with navigation errors; return the bag."""
     folder = tmp_path_factory.mktemp("flown")
     bag, errors = folder / "dispersed", folder / "errors.yaml"
     errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
@@ -245,7 +245,7 @@ def dispersed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def page_of_two(tmp_path_factory: pytest.TempPathFactory, dispersed: Path) -> Path:
-    """`ares report` of both."""
+    """Run `ares report` on both flights."""
     out = tmp_path_factory.mktemp("two") / "flights.html"
     assert main(["report", str(REFERENCE), str(dispersed), "--out", str(out)]) == 0
     return out
@@ -253,7 +253,7 @@ def page_of_two(tmp_path_factory: pytest.TempPathFactory, dispersed: Path) -> Pa
 
 @pytest.fixture(scope="session")
 def page_of_many(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a campaign of 120 flights; some fail: their fairing stays on, or they run dry."""
+    """Fly a campaign of 120 flights, some of which fail: the fairing stays on, or they run dry."""
     folder = tmp_path_factory.mktemp("campaign")
     dispersions = folder / "weak.yaml"
     dispersions.write_text("thrust: 0.03\nlog_density: {mean: 0.0, sigma: 1.5}\n")
@@ -264,7 +264,7 @@ def page_of_many(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def page_of_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of an abort map."""
+    """Make an abort map."""
     page = tmp_path_factory.mktemp("aborts") / "map.html"
     assert main(("aborts", "--mission", "ares_v", "--step-s", "40", "--out", str(page))) == 0
     return page
@@ -272,7 +272,7 @@ def page_of_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of `ares reproduce`."""
+    """Run `ares reproduce`; return its folder."""
     out = tmp_path_factory.mktemp("reproduction")
     assert main(["reproduce", "--out", str(out)]) == 0
     return out
@@ -280,5 +280,5 @@ def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def page_of_thesis(reproduction: Path) -> Path:
-    """The page in it."""
+    """Return the page in that folder."""
     return reproduction / PAGE

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares aborts` as one types it, and its page as a browser shows it."""
+"""`ares aborts` from the command line, and its page in a browser."""
 
 import json
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that once crashed, hung or printed a traceback: judged, or refused in one line, at once."""
+"""Files that once crashed, hung or printed a traceback: judged, or refused in one line at once."""
 
 import time
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may import whom (docs/architecture.md)."""
+"""Allowed imports between packages (docs/architecture.md)."""
 
 import ast
 from pathlib import Path
@@ -70,8 +70,8 @@ ROOMS = {
     "indirect": {"kernels", "two_point", "proof"},
 }
 SHARED = {
-    *("deadline", "floors", "methods", "obstacles", "pieces", "plan", "prices", "registry"),
-    *("request", "solution", "targets"),
+    *("deadline", "floors", "methods", "obstacles", "pieces", "plan", "registry", "request"),
+    *("sensitivities", "solution", "targets"),
 }
 JOINS = {
     "auto",
@@ -95,7 +95,7 @@ MODULES = sorted(SOURCES.glob("ares_*/ares_*/**/*.py"))
 
 
 def imported(module: Path) -> set[str]:
-    """Top-level names of everything that a module imports."""
+    """Return the top-level names of all imports of a module."""
     names = set()
     for node in ast.walk(ast.parse(module.read_text())):
         if isinstance(node, ast.Import):
@@ -107,7 +107,7 @@ def imported(module: Path) -> set[str]:
 
 
 def imported_modules(module: Path) -> set[str]:
-    """Full names of the modules that a module may import: a name imported may be a module."""
+    """Return the full names of the modules that a module may import."""
     names = set()
     for node in ast.walk(ast.parse(module.read_text())):
         if isinstance(node, ast.Import):
@@ -191,7 +191,7 @@ def test_flight_software_takes_the_two_point_problem_alone(module):
 
 
 def imports_of_imports(modules: list[Path], package: Path) -> dict[str, set[str]]:
-    """What each module imports of its own package, by full name."""
+    """Return each module's imports of its own package, by full name."""
     found = {}
     for module in modules:
         parts = module.relative_to(package.parent).with_suffix("").parts
@@ -201,7 +201,7 @@ def imports_of_imports(modules: list[Path], package: Path) -> dict[str, set[str]
 
 
 def circle(graph: dict[str, set[str]]) -> list[str]:
-    """Modules that import each other, if there are any: what is left when leaves are taken."""
+    """Return modules that import each other: the rest after removing leaves."""
     left = {name: set(names) & set(graph) for name, names in graph.items()}
     while leaves := {name for name, names in left.items() if not names}:
         left = {name: names - leaves for name, names in left.items() if name not in leaves}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A wrong bit or a cut anywhere in a bag: what is intact is saved, what is lost is said."""
+"""A wrong bit or a cut anywhere in a bag: intact messages are saved, losses are reported."""
 
 import json
 import random
@@ -29,7 +29,7 @@ REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 
 @dataclass(frozen=True)
 class Whole:
-    """A bag before the damage; each chunk with begin, end and its messages."""
+    """Hold a bag before the damage; each chunk with begin, end and its messages."""
 
     path: Path
     file: str
@@ -42,7 +42,7 @@ class Whole:
         return self.content[-1]
 
     def copy(self, folder, data=None, metadata=True):
-        """The bag in a folder, with other bytes."""
+        """Copy the bag to a folder, with other bytes."""
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         (folder / self.file).write_bytes(self.data if data is None else data)
@@ -57,7 +57,7 @@ class Whole:
         return self.copy(folder, bytes(data))
 
     def outside(self, hurt):
-        """Messages of the chunks that are not hurt."""
+        """Return the messages of the undamaged chunks."""
         return [m for begin, end, inner in self.chunks if not hurt(begin, end) for m in inner]
 
 
@@ -84,13 +84,13 @@ def whole_bag(path):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """251 messages in 13 chunks, every byte of which a checksum covers."""
+    """Write 251 messages in 13 chunks, every byte covered by a checksum."""
     return whole_bag(write_bag(tmp_path_factory.mktemp("made") / "flight", 200))
 
 
 @pytest.fixture(scope="module")
 def old(made, tmp_path_factory):
-    """The same as of an older version: no checksum covers what stands between its chunks."""
+    """Make the same bag of an older version: no checksum covers the bytes between its chunks."""
     data = bytearray(made.data)
     end = surveyed(made.path, find_file(made.path)).spans[-1].end
     data[end - 4 : end] = bytes(4)
@@ -103,7 +103,7 @@ def reference():
 
 
 def check_reader(whole, bag):
-    """One line, or what was recorded; the line."""
+    """Read a bag: all of its contents, or one line of error, which is returned."""
     line = ""
     try:
         assert content(bag) == whole.content
@@ -114,7 +114,7 @@ def check_reader(whole, bag):
 
 
 def check_repair(whole, bag, target, safe):
-    """Everything safe is saved, nothing is invented, and the loss is told; what was done."""
+    """Repair a bag: intact messages are saved, none invented, the loss reported."""
     shutil.rmtree(target, ignore_errors=True)
     if not verify(bag).messages:
         with pytest.raises(BagError, match="no message can be saved"):
@@ -139,7 +139,7 @@ def check_repair(whole, bag, target, safe):
 
 
 def check_flip(whole, folder, bit):
-    """One wrong bit; whether it was noticed."""
+    """Flip one bit; return whether it was noticed."""
     bag = whole.flipped(folder / "bag", bit)
     line = check_reader(whole, bag)
     findings = verify(bag).findings
@@ -171,7 +171,7 @@ def test_a_message_index_that_looks_like_a_message_is_none(made, tmp_path):
 
 
 def test_one_wrong_bit_in_a_bag_of_an_older_version(old, tmp_path):
-    """Noticed, or without effect on anything that is read."""
+    """Flip bits: each is noticed, or affects nothing that is read."""
     for bit in random.Random(2).sample(range(len(old.data) * 8), 20):
         check_flip(old, tmp_path, bit)
 
@@ -235,7 +235,7 @@ def test_a_damaged_head_costs_no_message_but_its_checksum_does(made, tmp_path):
 
 
 def test_damage_in_two_places(made, tmp_path):
-    """A wrong index, and a chunk whose length leads anywhere: chunks are searched for."""
+    """Damage the index and a chunk's length: the chunks are searched for."""
     begin, _, inner = made.chunks[5]
     index_bit = (len(made.data) - 60) * 8
     for place in (begin, begin + 3, begin + HEAD.size + CHUNK_HEAD.size + 10):
@@ -278,7 +278,7 @@ def run(capfd, *argv):
 
 
 def test_on_the_command_line(made, tmp_path, capfd):
-    """The first chunk holds every description: the index has them too."""
+    """Damage the first chunk, which holds every description: the index has them too."""
     status, out, err = run(capfd, "bag", "verify", made.path)
     assert (status, err) == (0, "")
     assert "whole: every checksum, index and count is right" in out

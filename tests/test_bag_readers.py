@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference flight, read by readers that are not ours."""
+"""The reference flight, read by foreign readers."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ BAG = Path(__file__).parent.parent / "bags" / "reference"
 
 @pytest.fixture(scope="module")
 def decoded():
-    """All messages by topic, as (log time, message), through mcap-ros2-support."""
+    """Return all messages by topic, as (log time, message), through mcap-ros2-support."""
     messages = {}
     with next(BAG.glob("*.mcap")).open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch file in a launch file of somebody else: two flights beside other nodes."""
+"""The launch file included in a foreign one: two flights beside other nodes."""
 
 import json
 import re
@@ -32,7 +32,7 @@ SHARED = {"/clock": Clock, "/tf": TFMessage, "/tf_static": TFMessage}
 
 
 class Displays:
-    """Hear what is shown of both flights, and the node of somebody else."""
+    """Subscribe to the views of both flights and to the foreign node."""
 
     def __init__(self, graph):
         self.heard = {}
@@ -43,7 +43,7 @@ class Displays:
             node.create_subscription(kind, name, self.heard[name].append, reliable(100))
 
     def frames(self, namespace):
-        """Frames that messages of a flight name."""
+        """Return the frames named by messages of a flight."""
         transforms = [t for m in self.heard[f"/{namespace}/tf"] for t in m.transforms]
         children = {t.child_frame_id for t in transforms}
         headed = (*transforms, *self.heard[f"/{namespace}/pose"])
@@ -52,7 +52,7 @@ class Displays:
 
 @pytest.fixture
 def launch(ros2, ros_environment, tmp_path, free_port):
-    """The launch under way; afterwards nothing of it may run any more."""
+    """Run the launch; afterwards assert that none of its processes is left."""
     output = tmp_path / "output"
     words = [f"bags:={tmp_path}", f"ports:={free_port},{free_port + 1}"]
     with output.open("w") as file:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a campaign, as a browser shows it: the globe with its flights, the histograms."""
+"""The page of a campaign in a browser: globe with its flights, histograms."""
 
 import json
 

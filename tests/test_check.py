@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares replay BAG --check`: the recorded navigation, given to guidance as it is now."""
+"""`ares replay BAG --check`: the recorded navigation, given to the present guidance."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ def rewrite(
     change: Callable[[str, int, bytes], bytes | None] = lambda _topic, _number, data: data,
     custom_data: Mapping[str, str] | None = None,
 ) -> Path:
-    """The bag again, message by message: topic, number within it, and CDR; None drops it."""
+    """Copy a bag message by message: topic, number within it, and CDR; None drops it."""
     counts = dict.fromkeys(bag.topics, 0)
     with BagWriter(path, bag.custom_data if custom_data is None else custom_data) as writer:
         for topic in bag.topics.values():
@@ -94,7 +94,7 @@ def test_a_command_that_is_missing(ares, reference, tmp_path):
 
 @pytest.mark.parametrize("changed", [True, False])
 def test_a_second_command_for_one_state(ares, reference, tmp_path, changed):
-    """The vehicle flies the first: one that is not what guidance gives must not hide behind it."""
+    """Record a second command: the vehicle flies the first, which must not be hidden."""
     with BagWriter(tmp_path / "twice", reference.custom_data) as writer:
         for topic in reference.topics.values():
             writer.add_topic(topic)
@@ -194,7 +194,7 @@ def test_options_of_the_check_alone(ares):
 
 
 def test_another_guidance_took_over(ares, reference, tmp_path):
-    """From one state on a second guidance answers, which has heard nothing before."""
+    """Let a second guidance, without history, answer from one state on."""
     _, settings = settings_of(reference)
     values = {k: v for k, v in settings.items() if k not in ("software", "mission_digest")}
     second = Answers(load_mission("ares_v"), values)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares optimize --method analytic`, and the service that gives guidance its analytic guess."""
+"""`ares optimize --method analytic`, and the service with guidance's analytic guess."""
 
 import json
 from importlib import resources

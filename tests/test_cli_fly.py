@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares fly` on the real mission with the real nodes: the measured flights, both layouts."""
+"""`ares fly` on the real mission with the real nodes: the flights, in both layouts."""
 
 import json
 import os
@@ -75,7 +75,7 @@ def children_of(pid):
 
 
 def wait_for_flight(bag):
-    """Until messages are in the bag."""
+    """Wait until messages are in the bag."""
     deadline = time.monotonic() + TIMEOUT
     while not recorded_so_far(bag).total():
         assert time.monotonic() < deadline
@@ -95,7 +95,7 @@ def bags(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=LAYOUTS)
 def flown(request, domain, bags):
-    """The default flight, once in each layout: what it printed."""
+    """Fly the default flight, once in each layout; return the output."""
     return fly(domain, bags, "--json", "--bag", str(bags / request.param), *LAYOUTS[request.param])
 
 
@@ -263,7 +263,7 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
 
 @pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
-    """The recorder takes what it has been sent, for which it has time for the whole flight."""
+    """Interrupt: the recorder writes its queue, which may take as long as the flight would."""
     bag = tmp_path / "bag"
     argv = ("fly", "--json", "--in-process", "--pace", "200", "--bag", str(bag))
     process = subprocess.Popen(
@@ -316,7 +316,7 @@ def test_what_a_node_that_is_killed_has_in_shared_memory_goes_with_the_flight(
 
 @pytest.mark.parametrize("option", ["--in-process", "--json"])
 def test_a_flight_shows_itself_on_a_terminal_and_nowhere_else(domain, tmp_path, option):
-    """Standard error is a terminal: results on standard output are as ever."""
+    """Make standard error a terminal: standard output is unchanged."""
     mission = tmp_path / "short.yaml"
     mission.write_text(yaml.safe_dump(short_burn()))
     terminal, end = pty.openpty()

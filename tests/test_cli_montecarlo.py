@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares montecarlo` as one types it."""
+"""`ares montecarlo` from the command line."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares optimize`: what it prints, and its exit statuses."""
+"""`ares optimize`: output and exit statuses."""
 
 import json
 from importlib import resources

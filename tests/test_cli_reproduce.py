@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares reproduce`: where the files go, and what is refused. The page itself is tested apart."""
+"""`ares reproduce`: location of the files, and refusals. The page has its own test."""
 
 import json
 
@@ -11,7 +11,7 @@ from ares_bringup.commands.cli import main
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    """A report that costs nothing: only the writing is of interest."""
+    """Replace the report by a stub: only writing is tested."""
     monkeypatch.setattr(verb, "make_report", lambda progress: progress("one"))
     monkeypatch.setattr(verb, "dump", lambda report: json.dumps({"report": report}))
     monkeypatch.setattr(verb, "render", lambda _, data, name: f"<p>{data} {name}</p>")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: help, and one clear line for what cannot be done."""
+"""The command line: help, and one clear line for each refusal."""
 
 import importlib.util
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares export`: a recorded flight as tables and on globes, read again by other libraries."""
+"""`ares export`: a recorded flight as tables and on globes, read by other libraries."""
 
 import csv
 import json
@@ -59,7 +59,7 @@ def exported(tmp_path, capfd):
 
 @pytest.fixture
 def own_flight(ares, tmp_path):
-    """Bag of a flight of one's own, east of Greenwich, with ten states to each guidance cycle."""
+    """Fly a mission of the user's, east of Greenwich, with ten states per guidance cycle."""
     content = short_burn() | {"epoch": "2031-12-31T23:00:00-05:00"}
     mission = tmp_path / "mine.yaml"
     mission.write_text(yaml.safe_dump(content), encoding="utf-8")
@@ -70,7 +70,7 @@ def own_flight(ares, tmp_path):
 
 
 def places():
-    """Longitude, latitude, height of all states, by PROJ and by hand."""
+    """Compute longitude, latitude, height of all states, by PROJ and by hand."""
     flight = read_flight(REFERENCE)
     truth = flight.columns["vehicle_state"]
     earth = load_mission("ares_v").environment.earth
@@ -86,7 +86,7 @@ def places():
 
 
 def test_the_commands_in_the_table_are_the_law_that_was_flown(ares, own_flight):
-    """Carried on from each row to the next, they point to where the thrust did."""
+    """Extrapolate each row to the next: it matches the direction of the thrust."""
     assert ares("export", str(own_flight), "--format", "parquet").returncode == 0
     table = pq.read_table(own_flight / "flight.parquet").to_pydict()
 
@@ -226,7 +226,7 @@ def test_kml_is_valid_and_holds_the_flight(exported):
 
 
 def test_the_dates_are_those_of_the_epoch(ares, own_flight):
-    """Mission time 0 is the epoch, in UTC: the flight begins 1,000 s later."""
+    """Check that mission time 0 is the epoch, in UTC: the flight begins 1,000 s later."""
     begin = "2032-01-01T04:16:40.000Z"
     for form in ("kml", "czml"):
         assert ares("export", str(own_flight), "--format", form).returncode == 0

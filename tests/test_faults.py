@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults into real flights: one trial of each kind, and how trials are judged."""
+"""Faults in real flights: one trial of each kind, and the judgement of trials."""
 
 import importlib.util
 import json
@@ -22,7 +22,7 @@ from ares_trials.faults import campaign, tampering
 from ares_trials.faults.campaign import as_object, chosen, spread
 from ares_trials.faults.control import Control
 from ares_trials.faults.rows import ROWS
-from ares_trials.faults.scene import MARK, Flown, marked
+from ares_trials.faults.scene import MARK, FlightResult, marked
 from ares_trials.faults.signals import slowed
 from ares_trials.faults.trial import Class, Trial, judge, run
 from ares_trials.testing.ros import own_words
@@ -64,7 +64,7 @@ def row(name):
 def flown(said="", status=1, touched=1, must_reach=True, **summary):
     facts = {"must_reach": must_reach}
     plain = {"outcome": "target", "m_f_kg": 174000.0, "shortcomings": [], "diagnostics": []}
-    return Flown(status, plain | summary, said, touched, facts=facts)
+    return FlightResult(status, plain | summary, said, touched, facts=facts)
 
 
 SAID = f"flown without an answer from guidance for 3.0 s\n{Keeper().ended('guidance', -9)[0]}"
@@ -81,8 +81,8 @@ SAID = f"flown without an answer from guidance for 3.0 s\n{Keeper().ended('guida
         (flown(""), Class.WRONG),
         (flown(SAID + "\nTraceback (most recent call last):"), Class.WRONG),
         (flown(SAID, status=None), Class.WRONG),
-        (Flown(1, flown().summary, SAID, left=["a process"]), Class.WRONG),
-        (Flown(2, {}, "ares: cannot"), Class.WRONG),
+        (FlightResult(1, flown().summary, SAID, left=["a process"]), Class.WRONG),
+        (FlightResult(2, {}, "ares: cannot"), Class.WRONG),
     ],
 )
 def test_a_flight_under_a_fault_is_judged(result, expected):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares report`: the page on a recorded flight, and on two, as a browser shows them."""
+"""`ares report`: the page of one recorded flight, and of two, in a browser."""
 
 import re
 import shutil
@@ -386,7 +386,7 @@ def test_a_damaged_bag_is_no_success(tmp_path, capfd):
 
 
 def test_a_bag_by_the_wall_clock_of_another_namespace(tmp_path, capfd):
-    """As `ros2 bag record` makes it: it says nothing of the mission."""
+    """Report on a bag of `ros2 bag record`, which does not name its mission."""
     ours = open_bag(REFERENCE)
     path = tmp_path / "theirs"
     with BagWriter(path) as writer:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights that start in the same second: each flies as if it were alone.
+"""Flights that start in the same second: each is flown as if alone.
 
 $ARES_FLIGHTS flights (default 4) in $ARES_ROUNDS rounds (default 1); one in four by `ros2 launch`,
 or what stands in for it.
@@ -37,7 +37,7 @@ ROUNDS = int(os.environ.get("ARES_ROUNDS", "1"))
 
 
 def environment(folder):
-    """Nothing set that would choose a graph."""
+    """Return an environment without a choice of graph."""
     clean = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"}
     return {**clean, "ROS_LOG_DIR": str(folder / "log")}
 
@@ -77,7 +77,7 @@ def missions(tmp_path_factory):
 
 @pytest.fixture
 def alone(missions, ares, tmp_path):
-    """Bag of each mission, flown alone."""
+    """Fly each mission alone; return the bags."""
     bags = {}
     for name, file in missions.items():
         bags[name] = tmp_path / name

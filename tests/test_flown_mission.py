@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mission of a recorded flight: its text lies in the bag, which is read anywhere by it."""
+"""The mission of a recorded flight: its text is in the bag, which can be read anywhere."""
 
 import json
 import shutil
@@ -27,7 +27,7 @@ READERS = (
 
 @pytest.fixture
 def flight(ares, tmp_path) -> tuple[Path, Path]:
-    """A mission file of one's own, and the bag of a dispersed flight of it."""
+    """Return a mission file of the user's, and the bag of a dispersed flight of it."""
     home = tmp_path / "home"
     home.mkdir()
     mission, dispersions = home / "mine.yaml", home / "mine_dispersions.yaml"

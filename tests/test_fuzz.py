@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile input, a little of each kind; the same every time. By the million: benchmarks/fuzz.py."""
+"""Hostile input, a little of each kind, always the same. By the million: benchmarks/fuzz.py."""
 
 import io
 import json
@@ -74,7 +74,7 @@ def test_nothing_comes_of_it_that_must_not(target: Target, tmp_path: Path) -> No
 
 
 class _Faulty(Target):
-    """Fails, or takes long, now and then."""
+    """Fail, or take long, at random."""
 
     name = "faulty"
     stateful = True
@@ -392,7 +392,7 @@ ODD = [
 def test_a_request_from_an_odd_state_is_no_fault_of_the_server(
     mission: str, method: str, place: float, speed: float, mass: float, arc: int
 ) -> None:
-    """By complex division: of a state at rest no plane and no perigee is known."""
+    """Solve from a state at rest, where plane and perigee are undefined."""
     answers = Answers(mission, "auto", 1.0)
     start = load_mission(mission).start()
     state = NavState(
@@ -585,7 +585,7 @@ def test_a_bag_of_states_that_are_none_is_shown_without_them(
 
 @pytest.mark.parametrize("data", [b"", b"\x00", b"\x00\x01\x00\x00", b"\xff" * 40, bytes(9)])
 def test_bytes_that_are_no_message_end_no_node(graph, data: bytes) -> None:
-    """A target gives a callback none, unless it takes them raw: the middleware drops them."""
+    """Publish invalid bytes: the middleware drops them unless a callback takes them raw."""
     simulator = graph.start(VehicleSimNode, flight_id=7)
     for kind, name, qos in (
         (ThrustCommand, "thrust_command", FLIGHT),

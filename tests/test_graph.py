@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The nodes in one graph: what they refuse, and how the flight goes on."""
+"""The nodes in one graph: refusals, and the flight after them."""
 
 import gc
 import math
@@ -31,7 +31,7 @@ from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
 class ScriptedGuidance(Node):
-    """Answers like guidance, but each answer goes through a function first."""
+    """Answer like guidance, after passing each answer through a function."""
 
     def __init__(self, context, change=lambda _sequence, command: command, flight_id=0):
         super().__init__("guidance", namespace="ares", context=context)
@@ -126,7 +126,7 @@ def test_a_command_that_cannot_be_flown_is_refused_and_the_flight_goes_on(
 
 @pytest.mark.parametrize("ahead_s", [0.0, 0.5])
 def test_a_jettison_far_above_the_limit_is_refused_or_withheld(graph, ahead_s):
-    """Due before the next state the command is refused; later it is withheld when it is due."""
+    """Command a jettison: before the next state it is refused, later it is withheld when due."""
 
     def drop(sequence, command):
         if sequence == 5:
@@ -415,7 +415,7 @@ def test_a_paced_flight_keeps_its_pace(graph, pace):
 
 
 def end_of(graph, simulator):
-    """The last event of a simulator's flight; None before it."""
+    """Return the last event of a simulator's flight; None before it."""
     for event in graph.events:
         if event.flight_id == simulator.flight_id and event.type == FlightEvent.FLIGHT_COMPLETE:
             return event
@@ -492,7 +492,7 @@ def test_new_guidance_takes_over_where_the_old_one_is_lost(graph):
 
 @pytest.mark.parametrize("pace", [0.0, 20.0])
 def test_guidance_that_leaves_is_waited_for_no_more(graph, pace):
-    """At a pace at once; as fast as answers come after one timeout, for one who takes over."""
+    """Stop guidance: at a pace fly on at once, else after one timeout for a successor."""
     simulator = graph.start(VehicleSimNode, command_timeout_s=0.5, pace=pace)
     guidance = graph.start(GuidanceNode)
     graph.spin(lambda: answers(graph) > 20)
@@ -507,7 +507,7 @@ def test_guidance_that_leaves_is_waited_for_no_more(graph, pace):
 
 
 def test_answers_that_come_a_little_late_are_waited_for_again(graph):
-    """On a lost link they are of the state before: a sign that somebody is there."""
+    """Answer each state with the previous command: guidance is alive on a lossy link."""
     kept = []
 
     def lag(sequence, command):
@@ -536,7 +536,7 @@ def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):
 
 
 def test_a_pause_of_guidance_is_not_made_up_for_in_a_rush(graph):
-    """Ten states a second, then an answer that takes 1.5 s."""
+    """Delay one answer by 1.5 s at ten states a second."""
 
     def pause(sequence, command):
         if sequence == 10:
@@ -558,7 +558,7 @@ def threads() -> int:
 
 @pytest.mark.parametrize("kind", [VehicleSimNode, GuidanceNode, OptimizerNode])
 def test_a_destroyed_node_leaves_no_thread(ros_domain, kind):
-    """Without help of the cycle collector, which comes when it likes."""
+    """Destroy a node without the garbage collector, which runs at any time."""
     left = []
     gc.disable()
     try:

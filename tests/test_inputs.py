@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the schemas accept flies, or is solved, or is refused in one line; all else is refused."""
+"""Inputs that the schemas accept fly, are solved, or are refused; all others are refused."""
 
 import json
 import os
@@ -156,7 +156,7 @@ def test_the_command_refuses_in_one_line_what_is_absurd(tmp_path, ares, value):
 
 
 def _rows(page):
-    """Keys of the tables of a page, without what stands before the last dot, and their rows."""
+    """Return the rows of a page's tables by the last part of their keys."""
     rows = {}
     for line in page.read_text().splitlines():
         if line.startswith("| ") and "`" in line.split("|")[1]:
@@ -166,7 +166,7 @@ def _rows(page):
 
 
 def _limits(annotation):
-    """Ranges, spreads and choices somewhere in a type, models left out."""
+    """Yield ranges, spreads and choices anywhere in a type, except in models."""
     if get_origin(annotation) is Literal:
         yield from (choice for choice in get_args(annotation))
     for note in getattr(annotation, "__metadata__", ()):

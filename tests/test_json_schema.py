@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The JSON Schemas of files: what a loader takes they take, what no file may hold they refuse."""
+"""The JSON Schemas of files: they accept what a loader accepts, and refuse invalid values."""
 
 import json
 import math
@@ -27,7 +27,7 @@ def validator(kind):
 
 @cache
 def tried(kind):
-    """Each value of each key once, as far as JSON can say it: nothing that is not finite."""
+    """Return each value of each key once, as far as JSON allows: finite numbers only."""
     return [one for one in each_once(all_inputs(kind)) if finite(one.data)]
 
 

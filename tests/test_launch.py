@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch file and its parameters, held against the nodes. Launch need not be installed."""
+"""The launch file and its parameters, compared with the nodes. Launch need not be installed."""
 
 import ast
 import importlib.util
@@ -93,7 +93,7 @@ def test_the_parameter_file_fits_any_namespace():
 
 
 class Recorded:
-    """An action or substitution that only remembers how it was made."""
+    """Stand in for an action or substitution; record its arguments."""
 
     def __init__(self, *args, **kwargs):
         self.args = args
@@ -156,7 +156,7 @@ def declared(description):
 
 
 def actions(description, **given):
-    """What the launch does with these arguments."""
+    """Return the actions of the launch with these arguments."""
     values = {name: item["default_value"] for name, item in declared(description).items()}
     assert set(given) <= {*values, "ros_namespace"}
     function = next(item for item in description if type(item).__name__ == "OpaqueFunction")
@@ -164,7 +164,7 @@ def actions(description, **given):
 
 
 def launched(description, **given):
-    """Nodes by name, as they would be started with these arguments."""
+    """Return the nodes by name, as they would be started with these arguments."""
     return {
         item.kwargs["name"]: item.kwargs
         for item in actions(description, **given)
@@ -330,7 +330,7 @@ def test_a_flight_beside_others_has_names_of_its_own(description):
 
 
 def test_the_stand_ins_are_all_that_the_launch_file_needs():
-    """And where launch is installed, it takes the file."""
+    """Check the stand-ins; if launch is installed, it loads the file."""
     imported = {
         (node.module, alias.name)
         for node in ast.walk(ast.parse(LAUNCH_FILE.read_text()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What other tools open: the layout for Foxglove and Lichtblick, the displays of RViz."""
+"""Files for other tools: the layout for Foxglove and Lichtblick, the displays of RViz."""
 
 import json
 import re
@@ -23,7 +23,7 @@ SHOWN = {name if name.startswith("/") else f"/ares/{name}" for name in PUBLISHED
 
 
 def panels_in(layout):
-    """Identities of all panels of a layout, those in tabs too."""
+    """Return the identities of all panels of a layout, including those in tabs."""
     if isinstance(layout, str):
         tabs = PANELS[layout].get("tabs", ())
         return [layout, *(panel for tab in tabs for panel in panels_in(tab["layout"]))]
@@ -31,7 +31,7 @@ def panels_in(layout):
 
 
 def paths_in(panel):
-    """Message paths of a panel."""
+    """Return the message paths of a panel."""
     config = PANELS[panel]
     plain = [config[key] for key in ("topicPath", "topicToRender") if key in config]
     return [*plain, *(path["value"] for path in config.get("paths", ()))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle manager's view: other missions, other bags, pauses in flight."""
+"""The nodes under a lifecycle manager: other missions, other bags, pauses in flight."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A link that takes time and loses messages, and the vehicle that flies over it."""
+"""A link with latency and loss, and the vehicle that flies over it."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent, ThrustCommand
 from ares_node.qos import FLIGHT
 from ares_node.time import NANOSECONDS, ns_from_stamp
-from ares_trials.faults.link import Link, LinkNode, LinkOptions, Way
+from ares_trials.faults.link import DelayLine, Link, LinkNode, LinkOptions
 from ares_trials.faults.relay import GUIDANCE_ARGUMENTS, Relay
 from ares_trials.testing.flights import short_burn
 from ares_vehicle_sim.node import Deadlines, VehicleSimNode
@@ -29,7 +29,7 @@ def mission(tmp_path):
 
 
 def begin(graph, mission, relay, **simulator):
-    """A flight with something between its nodes."""
+    """Start a flight with a relay between its nodes."""
     commands = []
     graph.observer.create_subscription(ThrustCommand, "thrust_command", commands.append, FLIGHT)
     node = graph.add(Node("between", namespace="ares", context=graph.context))
@@ -56,11 +56,11 @@ def stamps(commands):
 
 
 def test_a_way_keeps_order_and_takes_its_time():
-    way = Way(LinkOptions(latency_s=0.2, jitter_s=1.0), np.random.default_rng(1))
+    line = DelayLine(LinkOptions(latency_s=0.2, jitter_s=1.0), np.random.default_rng(1))
     for k in range(100):
-        way.send(0.1 * k, k)
-    assert way.arrived(0.19) == []
-    found = way.arrived(1e6)
+        line.send(0.1 * k, k)
+    assert line.arrived(0.19) == []
+    found = line.arrived(1e6)
     assert [message for _, message in found] == list(range(100))
     times = np.array([at for at, _ in found])
     late = times - 0.1 * np.arange(100)
@@ -70,11 +70,11 @@ def test_a_way_keeps_order_and_takes_its_time():
 
 def test_a_way_loses_its_share_by_its_seed():
     def carried(seed):
-        way = Way(LinkOptions(loss=0.3), np.random.default_rng(seed))
+        line = DelayLine(LinkOptions(loss=0.3), np.random.default_rng(seed))
         for k in range(1000):
-            way.send(0.0, k)
-        assert way.lost + way.carried == 1000
-        return [message for _, message in way.arrived(0.0)]
+            line.send(0.0, k)
+        assert line.lost + line.carried == 1000
+        return [message for _, message in line.arrived(0.0)]
 
     assert carried(3) == carried(3) != carried(4)
     assert len(carried(3)) == pytest.approx(700, abs=60)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pause and pace in flight; the live node beside flights, and who it obeys."""
+"""Pause and pace in flight; the live node beside flights, and whom it obeys."""
 
 import json
 import time

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live page in a browser, beside flights by `ares fly --live`."""
+"""The live page in a browser, beside flights of `ares fly --live`."""
 
 import json
 import os
@@ -39,7 +39,7 @@ NAMELESS = """() => [...document.querySelectorAll(
 
 
 class Command:
-    """`ares fly --live` as a process; its page is served when it is made."""
+    """Run `ares fly --live` as a process; its page is served when the constructor returns."""
 
     def __init__(self, environment, *words, terminal=None):
         self.process = subprocess.Popen(
@@ -81,7 +81,7 @@ class Command:
         return self.node("ares_view.live").pid
 
     def end(self):
-        """Exit status and the object that is printed."""
+        """Return the exit status and the printed object."""
         out, _ = self.process.communicate(timeout=120)
         self.reading.join()
         return self.process.returncode, json.loads(out)
@@ -89,7 +89,7 @@ class Command:
 
 @contextmanager
 def started(environment, *words):
-    """A command that does not outlive the block."""
+    """Run a command that does not outlive the block."""
     command = Command(environment, *words)
     try:
         yield command
@@ -100,7 +100,7 @@ def started(environment, *words):
 
 @pytest.fixture
 def flown(tmp_path, ros_environment):
-    """Starts commands on a short mission; none outlives the test."""
+    """Start commands on a short mission; none outlives the test."""
     path = tmp_path / "short_burn.yaml"
     path.write_text(yaml.safe_dump(short_burn(450.0)))
     with ExitStack() as stack:
@@ -114,7 +114,7 @@ def flown(tmp_path, ros_environment):
 
 @pytest.fixture
 def opened(browser):
-    """Opens pages; nothing may be loaded from elsewhere, and nothing go wrong."""
+    """Open pages; assert that nothing is loaded from elsewhere and nothing goes wrong."""
     complaints, contexts = [], []
 
     def opener(url, size="wide", theme="light"):
@@ -208,7 +208,7 @@ def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults):
 
 
 def test_updates_come_and_no_more_than_twenty_a_second(flown, opened):
-    """How many there are on a machine that has time is measured by benchmarks/live_flight.py."""
+    """Limit the rate of updates; benchmarks/live_flight.py measures the rate on an idle machine."""
     flight = flown("--pace", "5", "--no-record")
     page = opened(flight.url)
     wait_for_state(page, "Live")
@@ -300,7 +300,7 @@ def drain(terminal):
 
 
 def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, browser):
-    """At a terminal with a display; the browser is a script that notes the address."""
+    """Fly at a terminal with a display; the browser is a script that records the address."""
     noted = tmp_path / "noted"
     script = tmp_path / "browser"
     script.write_text(f'#!/bin/sh\nsleep 1\necho "$1" > {noted}.new\nmv {noted}.new {noted}\n')

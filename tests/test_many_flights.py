@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights one after the other hold no more than the first ones did."""
+"""Consecutive flights hold no more resources than the first ones."""
 
 import gc
 import subprocess
@@ -22,7 +22,7 @@ RELEASE = 20.0
 
 
 def settled() -> Held:
-    """What is held once the middleware has let go of processes that ended: it looks each second."""
+    """Return the resources held once the middleware has released ended processes (1 s)."""
     until = time.monotonic() + RELEASE
     while (now := held()).mapped > 0 and time.monotonic() < until:
         time.sleep(0.05)
@@ -30,7 +30,7 @@ def settled() -> Held:
 
 
 def fly_many(folder: Path, count: int, in_process: bool) -> None:
-    """In a process of its own: what other tests hold is not counted."""
+    """Fly in a separate process, so that resources of other tests do not count."""
     mission = folder / "burn.yaml"
     mission.write_text(yaml.safe_dump(short_burn(60.0)))
     used: set[str] = set()

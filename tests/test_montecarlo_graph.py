@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flight k of a campaign, flown again alone: through the graph it is the same flight."""
+"""Flight k of a campaign, repeated alone: through the graph it is the same flight."""
 
 import json
 
@@ -11,7 +11,7 @@ from ares_bringup.commands.cli import main
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import CAMPAIGN
@@ -56,7 +56,7 @@ EVERYTHING = {
 
 @pytest.fixture
 def files(tmp_path):
-    """Dispersions by what they are: a shipped name, and paths."""
+    """Return dispersions by content: a shipped name, and paths."""
     even = {"draws": "sobol", "initial_position_m": 1000.0, "thrust": 0.01, "log_density": 0.3}
     paths = {STANDARD: STANDARD}
     for name, content in (("everything", EVERYTHING), ("sobol", even)):
@@ -73,7 +73,7 @@ def files(tmp_path):
 def test_flight_k_of_a_campaign_is_flight_k_of_the_graph(graph, files, name, law):
     mission = load_mission("ares_v")
     flight = FLIGHTS[name]
-    flyer = Range(Settings(mission, load_dispersions(files[name]), SEED, law))
+    flyer = FlightRange(Settings(mission, load_dispersions(files[name]), SEED, law))
     result = flyer.fly(flight, 1).results[0]
     graph.start(
         VehicleSimNode,

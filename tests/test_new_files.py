@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares missions new`, `ares dispersions new`, their schemas: what is written is good as it is."""
+"""`ares missions new`, `ares dispersions new`, their schemas: the files are valid as written."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from ares_models.input_file import read_input
 from ares_models.json_schema import json_schema
 from ares_models.mission import MISSION, TEMPLATE, Mission, list_missions, load_mission
 from ares_optimizer.solve import solve
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_trials.random_vehicles import fly_as_planned
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.proposal import propose
@@ -68,7 +68,7 @@ def test_like_another_mission_is_that_mission(capfd, name):
 
 
 def test_every_key_is_explained_once(capfd):
-    """What the template leaves out is there too, commented out."""
+    """Check that keys omitted in the template are there too, commented out."""
     run(capfd, "missions", "new", "mine")
     text = Path("mine.yaml").read_text()
     schema = json.loads(json_schema(Mission, "x"))
@@ -158,7 +158,7 @@ def test_new_dispersions_name_the_reason_of_each_value(capfd):
 @pytest.mark.parametrize("name", list_missions())
 def test_what_is_proposed_is_drawn(name):
     mission = load_mission(name)
-    assert not Range(Settings(mission, proposed(mission), law="optimal")).fly(0, 1).errors
+    assert not FlightRange(Settings(mission, proposed(mission), law="optimal")).fly(0, 1).errors
 
 
 def test_the_proposal_grows_with_the_way_to_the_start():
@@ -180,7 +180,7 @@ def test_the_proposal_grows_with_the_way_to_the_start():
 @pytest.mark.parametrize("name", ["apollo11_ascent", "ares_v", TEMPLATE])
 def test_dispersed_as_proposed_all_arrive(name):
     mission = load_mission(name)
-    flown = Range(Settings(mission, proposed(mission))).fly(0, 200)
+    flown = FlightRange(Settings(mission, proposed(mission))).fly(0, 200)
     assert not flown.errors
     assert flown.results["terminal_accuracy"].all()
     assert flown.results["fairing_off"].all()

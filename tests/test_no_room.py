@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A disk without room under what a command writes: one line, status 2, no part of a file left."""
+"""A full disk under a command's output: one line, status 2, no partial file."""
 
 import importlib.util
 import resource
@@ -27,7 +27,7 @@ def room(monkeypatch) -> Iterator[Callable[[int], None]]:
 
 @pytest.mark.parametrize("bytes_", [1_000, 9_000])
 def test_a_campaign_that_cannot_begin_leaves_nothing(ares, tmp_path, room, bytes_):
-    """Neither its settings nor its first flights have room."""
+    """Fill the disk before its settings, and before its first flights."""
     room(bytes_)
     done = ares("montecarlo", "-n", "300", "--out", str(tmp_path / "new"))
     assert (done.returncode, done.stdout) == (2, "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One table of ends through all who judge: a flight, a campaign, an abort map, a proof."""
+"""One table of ends for all judges: a flight, a campaign, an abort map, a proof."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from ares_optimizer.solve import solve
 from ares_studies.aborts.ends import Judge
 from ares_studies.kernels import loop_records
 from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.kernels import judge as judge_loop
 from ares_studies.montecarlo.table import explain
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, FLIGHT_COMPLETE, IMPACT, JETTISON_DONE
@@ -52,16 +52,16 @@ TARGETS = {
 
 @dataclass(frozen=True)
 class Ended:
-    """An end: level flight over the equator, and how it came to it.
+    """Hold an end: level flight over the equator, and its history.
 
     Attributes:
         target: name in TARGETS.
         speed: m/s.
-        end: what every judge has to call it.
-        radius, tilt_deg: of the state; m.
+        end: expected of every judge.
+        radius, tilt_deg: radius, m, and inclination of the state.
         left_on: whether the fairing is on.
-        dry: whether the propellant was gone before a cut-off.
-        grounded: whether the vehicle met the ground.
+        dry: whether the propellant ran out before a cut-off.
+        grounded: whether the vehicle hit the ground.
     """
 
     target: str
@@ -109,7 +109,7 @@ def missions():
 
 @pytest.fixture(scope="module")
 def flights(missions):
-    """A flight of the proof for each mission, whose end is then moved."""
+    """Fly the proof's flight of each mission, whose end is then replaced."""
     found = {}
     ares_v = load_mission("ares_v")
     solution = solve(ares_v)
@@ -127,7 +127,7 @@ def state_of(ended):
 
 
 def flown(mission, ended):
-    """The summary of `ares fly`."""
+    """Make the summary of `ares fly`."""
     position, velocity = state_of(ended)
     summary = FlightSummary(facts_of(mission), "peg")
     kinds = [] if ended.left_on else [JETTISON_DONE]
@@ -145,8 +145,8 @@ def judged_loop(arrays, result):
 
 
 def in_a_campaign(mission, ended):
-    """What a campaign makes of a plant in that state, record RESULT."""
-    loop = Range(Settings(mission, Dispersions()))._blank
+    """Judge a plant in that state as a campaign does; return a record RESULT."""
+    loop = FlightRange(Settings(mission, Dispersions()))._blank
     plant = loop.vehicle.plant[0]
     plant["position"], plant["velocity"] = state_of(ended)
     plant["inserted"] = 0 if ended.dry or ended.grounded else 1
@@ -170,7 +170,7 @@ def on_the_map(mission, ended):
 
 
 def proven(flight, ended):
-    """The proof's flight with another end."""
+    """Replace the end of the proof's flight."""
     final = np.concatenate((*state_of(ended), [1e5]))
     track = flight.trajectory
     if ended.grounded:

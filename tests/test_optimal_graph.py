@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optimal guidance through the nodes: it flies the optimum, and says when it cannot."""
+"""Optimal guidance through the nodes: it flies the optimum, and reports when it cannot."""
 
 import math
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimizer's service in a graph, and guidance that asks it, in time or in vain."""
+"""The optimizer's service in a graph, and guidance that calls it, in time or not."""
 
 import math
 import threading
@@ -55,7 +55,7 @@ def serve(graph, **parameters):
 
 @pytest.fixture
 def served(graph):
-    """A graph with the optimizer, and a function that asks it."""
+    """Start a graph with the optimizer; return a function that calls it."""
     return serve(graph)
 
 
@@ -142,7 +142,7 @@ def test_a_bad_request_gets_a_code_a_line_and_no_numbers(served, fields, code, t
     ],
 )
 def test_the_error_code_follows_from_the_status(served, monkeypatch, status, code):
-    """Not from words of the reason, nor from how long it took."""
+    """Derive the code neither from the text of the reason nor from the duration."""
     cause = Cause(status, "it did not converge, they say")
 
     def late(*_args, **_options):
@@ -186,7 +186,7 @@ def test_a_mission_is_served_by_its_text(served):
 
 
 def optimize(graph, **goal):
-    """The action, with what it has told."""
+    """Call the action; return its result and feedback."""
     told = []
     client = ActionClient(graph.observer, OptimizeTrajectory, "optimize_trajectory")
     graph.spin(client.server_is_ready)
@@ -244,7 +244,7 @@ def test_a_search_is_cancelled(graph):
 
 @pytest.mark.parametrize("by", ["service", "action"])
 def test_a_manager_is_answered_while_a_search_runs(graph, by):
-    """By the order of things: the search would go on for an hour, and is never waited for."""
+    """Call the manager's services during a search that would last an hour."""
     node = graph.start(OptimizerNode)
     states = graph.observer.create_client(GetState, "optimizer/get_state")
     change = graph.observer.create_client(ChangeState, "optimizer/change_state")

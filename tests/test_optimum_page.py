@@ -21,7 +21,7 @@ OPTIMALITY = [
 
 @pytest.fixture(scope="module")
 def beside(tmp_path_factory):
-    """The optimum of the reference flight's mission with that flight over it."""
+    """Make the page of the reference mission's optimum, with the flight overlaid."""
     out = tmp_path_factory.mktemp("optimum") / "beside.html"
     assert main(["optimize", "--json", "--out", str(out), "--beside", str(REFERENCE)]) == 0
     return out
@@ -29,7 +29,7 @@ def beside(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def transfer(tmp_path_factory):
-    """The optimum of two burns and a free coast."""
+    """Make the page of the optimum of two burns and a free coast."""
     out = tmp_path_factory.mktemp("optimum") / "transfer.html"
     words = ["optimize", "--json", "--mission", "geostationary_transfer", "--out", str(out)]
     assert main(words) == 0

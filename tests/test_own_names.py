@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights of two namespaces in one domain: neither hears of the other by a name that all share."""
+"""Flights of two namespaces in one domain: neither receives the other's messages."""
 
 import subprocess
 import sys
@@ -23,7 +23,7 @@ PATIENCE = 240.0
 
 @pytest.fixture
 def heard(graph):
-    """Messages by topic, of the flights and of the whole domain."""
+    """Subscribe to topics of the flights and of the whole domain; return messages by topic."""
     node = graph.add(Node("listener", context=graph.context))
     found = {}
     for name, kind in SHARED.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""package.xml and requirements/ say what the sources need."""
+"""package.xml and requirements/ declare what the sources import."""
 
 import ast
 import json
@@ -53,7 +53,7 @@ COMES_WITH = {
 
 
 def imported(module: Path) -> set[str]:
-    """Top-level names of everything that a module imports."""
+    """Return the top-level names of all imports of a module."""
     nodes = list(ast.walk(ast.parse(module.read_text())))
     plain = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     parts = [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
@@ -61,7 +61,7 @@ def imported(module: Path) -> set[str]:
 
 
 def named_types(module: Path) -> set[str]:
-    """Packages of the message types that a module looks up by name."""
+    """Return the packages of message types that a module looks up by name."""
     nodes = ast.walk(ast.parse(module.read_text()))
     texts = [node.value for node in nodes if isinstance(node, ast.Constant)]
     found = [MESSAGE.match(text) for text in texts if isinstance(text, str)]
@@ -128,13 +128,13 @@ def test_every_requirement_is_pinned_once():
 
 
 def same_name(line: str) -> str:
-    """`name==version` with the name as an index has it."""
+    """Normalize the name in `name==version` as an index does."""
     name, version = line.split("==")
     return f"{re.sub(r'[-_.]+', '-', name).lower()}=={version}"
 
 
 def test_what_is_installed_is_what_is_pinned():
-    """`make lock` writes the hashes."""
+    """Check the hashes written by `make lock`."""
     locked = {path.name: path for path in (ROOT / "requirements" / "locked").glob("*.txt")}
     for path in REQUIREMENTS:
         if path.name == "bench.txt":
@@ -170,7 +170,7 @@ def setup_keywords(package: Path, monkeypatch) -> dict:
 
 
 def required(package: Path, monkeypatch) -> list[str]:
-    """What a package asks for, always or where it solves, draws, makes or serves pages."""
+    """Return a package's requirements, including its extras solve, live and pages."""
     given = setup_keywords(package, monkeypatch)
     extras = given["extras_require"]
     return [
@@ -180,7 +180,7 @@ def required(package: Path, monkeypatch) -> list[str]:
 
 
 def from_the_index(package: Path) -> set[str]:
-    """Lower-case distributions of the package index that the modules import."""
+    """Return the distributions of the package index that the modules import, in lower case."""
     names = set().union(*(imported(module) for module in modules(package)))
     foreign = {DISTRIBUTIONS.get(name, name).lower() for name in names - {package.name}}
     return foreign & {name.lower() for name in pins()}
@@ -222,7 +222,7 @@ def test_the_install_page_names_every_requirement(monkeypatch):
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
 def test_colcon_finds_the_tests(package, monkeypatch):
-    """It runs pytest only where setup.py asks for it, and says OK where it runs nothing."""
+    """Check setup.py: colcon runs pytest only if declared there, and else reports success."""
     assert "pytest" in setup_keywords(package, monkeypatch)["extras_require"]["test"]
     assert "python3-pytest-timeout" in declared(package, "test_depend")
     assert list((package / "test").glob("test_*.py"))
@@ -272,7 +272,7 @@ SCRIPTS = ("ares", "tools/real_launch", "tests/stand_ins/ros2")
 
 
 def sources() -> dict[str, tuple[str, str]]:
-    """Source files of the project by their paths in it, with the marks of their comments."""
+    """Return the project's source files by path, with their comment marks."""
     command = ["git", "ls-files"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if listed.returncode:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every page that is a file, as a browser shows it: legible, and without serious faults.
+"""Every page that is a file, in a browser: legible, without serious faults.
 
 What is on a page is tested beside what makes it; the live page in test_live_page.py.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Law peg_thesis in a graph: it asks the optimizer, and says what it flies without an answer."""
+"""Law peg_thesis in a graph: it calls the optimizer, and reports its fallback without an answer."""
 
 import json
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Free arcs through the nodes: guidance asks for its plan, and flies it."""
+"""Free arcs through the nodes: guidance requests its plan, and flies it."""
 
 import time
 from contextlib import ExitStack
@@ -28,7 +28,7 @@ BURN, COAST = 153.252950, 450.0
 
 
 def answer_of(mission):
-    """The optimum of a mission as the service gives it."""
+    """Return the optimum of a mission as the service does."""
     solution = offline_trajectory(solve(mission, "indirect", verify=False))
     fields = {
         name: np.ravel(value).tolist() if isinstance(value, np.ndarray) else value
@@ -39,7 +39,7 @@ def answer_of(mission):
 
 @pytest.fixture(scope="module")
 def missions(tmp_path_factory):
-    """The mission with a free burn and coast, and the same with the lengths of a plan."""
+    """Return the mission with a free burn and coast, and the same with the lengths of a plan."""
     folder = tmp_path_factory.mktemp("missions")
     paths = {}
     for name, times in (("fixed", (BURN, COAST)), ("free", ("free", "free"))):
@@ -54,7 +54,7 @@ def plan(missions):
 
 
 def distorted(plan, **values):
-    """An answer with other values in some of its fields."""
+    """Replace some fields of an answer."""
     fields = {name: getattr(plan, name) for name in plan.get_fields_and_field_types()}
     return Response(**{**fields, **values})
 
@@ -64,12 +64,12 @@ def no_plan(code=Response.NOT_CONVERGED, message="not yet"):
 
 
 class Optimizer:
-    """Answers in a thread of its own, what and when it is told: the flight goes on meanwhile.
+    """Answer in a thread of its own, while the flight goes on.
 
     Attributes:
-        answers: one after the other, the last again and again; a function gets the request.
-        requests: what it was asked.
-        free: it answers; else it waits.
+        answers: one after the other, the last repeated; a function gets the request.
+        requests: requests received.
+        free: answer if set, else wait.
     """
 
     def __init__(self, context, *answers):
@@ -119,7 +119,7 @@ def wait(graph, seconds):
 
 
 def is_refused(graph, simulator):
-    """Spin until the flight is refused: nothing has been lit, and the reason is in one line."""
+    """Spin until the flight is refused, before ignition and with one line; return the line."""
     graph.spin(lambda: simulator.done)
     assert simulator.exit_code == 2
     assert not graph.events
@@ -128,7 +128,7 @@ def is_refused(graph, simulator):
 
 
 def test_the_flight_waits_for_its_plan(graph, missions, plan, optimizer):
-    """However long that takes: the state that it begins with is told, and nothing is lit."""
+    """Delay the plan: the first state is published, and nothing ignites."""
     asked = optimizer(plan)
     asked.free.clear()
     commands = []
@@ -244,7 +244,7 @@ def test_an_answer_that_cannot_be_used_is_no_plan(graph, missions, plan, optimiz
 
 
 def test_a_plan_through_the_ground_is_not_flown(graph, missions, plan, optimizer):
-    """Each of its samples is above it, and the coast between them is not."""
+    """Distort a plan: its samples are above the ground, the coast between them is not."""
     position, velocity = (
         np.reshape(getattr(plan, f"sample_{name}"), (-1, 3)) for name in ("position", "velocity")
     )
@@ -293,14 +293,14 @@ def test_guidance_that_leaves_while_it_plans_ends_the_count(graph, missions, pla
 
 
 def restarted(graph, first, missions, **parameters):
-    """Another guidance in place of the first."""
+    """Replace the first guidance by another."""
     first.stop()
     graph.executor.remove_node(first)
     graph.start(GuidanceNode, mission=missions["free"], **parameters)
 
 
 def test_guidance_restarted_in_flight_asks_until_it_has_a_plan(graph, missions, optimizer, plan):
-    """From where the flight is, which goes on by the last command, and so ends well."""
+    """Restart guidance: it requests a plan while the flight goes on by the last command."""
     first = graph.start(GuidanceNode, mission=missions["free"])
     asked = optimizer(plan, no_plan())
     simulator = graph.start(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight that is kept in bags/: still what we fly. What guidance answers: test_check.py."""
+"""The flight kept in bags/: still as flown now. Guidance's answers: test_check.py."""
 
 from pathlib import Path
 

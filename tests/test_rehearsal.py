@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planned missions are flown ahead: what does not arrive is not begun, what is lost is told."""
+"""Planned missions are flown ahead: a miss is refused before the start, a loss is reported."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
 
 @pytest.fixture(scope="module", autouse=True)
 def plans():
-    """Each plan is searched once, whoever asks for it."""
+    """Solve each plan once for all callers."""
     found = {}
 
     def once(mission, law, time_limit_s):
@@ -65,7 +65,7 @@ def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
 
 @pytest.mark.parametrize("law", ["peg", "igm"])
 def test_the_shipped_mission_that_one_law_alone_flies(law):
-    """As docs/missions.md says."""
+    """Check the statement in docs/missions.md."""
     refused = rf"^guidance is '{law}', which misses .* off by .*; try law optimal$"
     with pytest.raises(CannotStart, match=refused):
         rehearse({"mission": "delta_iii_coast", "law": law})
@@ -93,5 +93,5 @@ def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
 
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 def test_a_last_burn_too_short_to_mend_the_place_meets_the_orbit(law):
-    """It lasts 0.2 s, after a coast of more than an hour."""
+    """Fly a last burn of 0.2 s, after a coast of more than an hour."""
     assert rehearse(parameters("f9_tli", law)) == ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of `ares reproduce` in a browser: legible, complete, and without a network."""
+"""The page of `ares reproduce` in a browser: legible, complete, and without network."""
 
 import json
 import math
@@ -78,7 +78,7 @@ def check_tables(page, report):
 
 
 def plain(text):
-    """Text without the marks that the page turns into indices and links."""
+    """Remove the marks that the page turns into indices and links."""
     return text.replace("_", "")
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who hears a flight, who may speak in it; and that nothing starts unprotected in silence."""
+"""Access to a flight's messages; nothing starts unprotected without a message."""
 
 import os
 import subprocess
@@ -27,7 +27,7 @@ NO_PLUGINS = "this ROS 2 has no security"
 
 
 def asked(tmp_path: Path, **more: str) -> dict[str, str]:
-    """What a person sets for a protected flight."""
+    """Return the environment of a protected flight."""
     wanted = {ENABLE: "true", STRATEGY: "Enforce", KEYSTORE: str(tmp_path)}
     return {**os.environ, **wanted, **more}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The site builds without a warning, holds what the sources hold, asks a network for nothing."""
+"""The site builds without warnings, holds the sources' contents, and needs no network."""
 
 import importlib
 import re

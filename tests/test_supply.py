@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the project is made of: pins with hashes, their licences, and whether one is vulnerable."""
+"""The project's dependencies: pins with hashes, licences, and known vulnerabilities."""
 
 import importlib.util
 import json

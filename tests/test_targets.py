@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mission to a transfer orbit by its elements, through the commands."""
+"""A mission to a transfer orbit given by elements, through the commands."""
 
 import json
 from importlib import resources

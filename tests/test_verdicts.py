@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One table of causes, three ways to fly: the same exit status and the same words.
+"""One table of causes, three ways to fly: equal exit statuses and messages.
 
 `ros2 launch` is the real one where launch is installed; elsewhere `stand_ins/ros2` runs the
 launch file, its processes are real.
@@ -45,7 +45,7 @@ PATIENCE = 120.0
 
 @dataclass
 class Flight:
-    """A flight under way."""
+    """Hold a flight under way."""
 
     process: psutil.Popen
     graph: object
@@ -67,11 +67,11 @@ class Flight:
         self.node(name).kill()
 
     def kill_and_wait_for_its_successor(self):
-        """The vehicle waits meanwhile: how fast a process starts is the machine's affair."""
+        """Kill guidance and wait for its successor, the vehicle paused meanwhile."""
         members = self.graph.members
 
         def guides():
-            """Who does, as far as simulators have said."""
+            """Return the guidances announced by simulators."""
             return {m.guidance_id for m in members if m.role == Role.VEHICLE_SIM} - {0}
 
         self.graph.spin(guides, PATIENCE)
@@ -121,15 +121,15 @@ class Flight:
 
 @dataclass(frozen=True)
 class Cause:
-    """Why a flight ends as it does.
+    """Hold the cause of a flight's end.
 
     Attributes:
         status: exit status.
-        says: what must be in the output.
+        says: texts required in the output.
         options: by the names of launch arguments; `--name-with-dashes` for `ares fly`.
         mission: content of the mission file.
-        act: what is done to the flight; None: nothing.
-        ways: which ways to fly it makes sense in.
+        act: acts on the flight; None: nothing.
+        ways: applicable ways to fly.
         bag: whether a bag is left.
         alike: another cause ends in the same way under `ros2 launch`, where `make trials` flies it.
     """
@@ -149,7 +149,7 @@ def refused(says, *, alike=True, **options):
 
 
 def two_burns(**changes):
-    """The short burn in two, with a free coast between them."""
+    """Divide the short burn into two, with a free coast between."""
     mission = short_burn(**changes)
     stage = mission["stages"][0]
     burn = {name: stage.pop(name) for name in ("thrust_n", "isp_s", "burn_time_s")}
@@ -369,7 +369,7 @@ def test_the_verdict_is_the_same_whoever_starts_the_flight(request, tmp_path, na
 
 
 def words(way, options):
-    """What a command line holds after `ares` or `ros2`."""
+    """Return the words of a command line after `ares` or `ros2`."""
     if way == LAUNCH:
         given = [f"{name}:={value}" for name, value in options.items()]
         return ["launch", "ares_bringup", "flight.launch.py", *given]
@@ -387,7 +387,7 @@ def dashed(name):
 
 
 def run(command, act, graph, environment, folder):
-    """Exit status and output of a process to which something is done."""
+    """Run a process and act on it; return its exit status and output."""
     with (folder / "output").open("w") as output:
         process = psutil.Popen(
             command,
@@ -408,7 +408,7 @@ def run(command, act, graph, environment, folder):
 
 
 def all_gone(folder):
-    """No process of the flight is left; `ros2 launch` dies of SIGTERM before its nodes."""
+    """Wait until no process of the flight is left: `ros2 launch` may die before its nodes."""
 
     def left():
         return [one.pid for one in psutil.process_iter() if str(folder) in words_of(one)]
@@ -426,7 +426,7 @@ def words_of(process):
 
 
 def wait(process, graph):
-    """The exit status; nodes of the test go on meanwhile."""
+    """Spin nodes of the test until a process ends; return its exit status."""
     deadline = time.monotonic() + PATIENCE
     while process.poll() is None:
         assert time.monotonic() < deadline, "hangs"

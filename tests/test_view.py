@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The view node in the graph: what other tools see of a flight."""
+"""The view node in the graph: a flight as seen by other tools."""
 
 import asyncio
 import contextlib
@@ -43,7 +43,7 @@ ECI, START, VEHICLE = Frames().eci, Frames().start, Frames().vehicle
 
 
 class Viewer:
-    """What a tool hears that asks with the QoS of what is published."""
+    """Subscribe as a tool does, with the QoS of the publishers."""
 
     def __init__(self, graph):
         self.heard = {name: [] for name in PUBLISHED}
@@ -58,7 +58,7 @@ class Viewer:
 
 
 class Flight:
-    """States and events of a made-up flight on a circle over the equator."""
+    """Publish states and events of a synthetic flight on a circle over the equator."""
 
     RADIUS, SPEED = 6.6e6, 7.7e3
 
@@ -100,13 +100,13 @@ class Flight:
 
 
 def stamp_of(heard):
-    """Flight time of the latest of some messages, ns."""
+    """Return the flight time of the latest message, ns; -1 without one."""
     return ns_from_stamp(heard[-1].header.stamp) if heard else -1
 
 
 @pytest.fixture
 def flown(graph, tmp_path):
-    """The default mission with the view at work, all of it recorded that can be."""
+    """Fly the default mission with the view, and record everything possible."""
     viewer = Viewer(graph)
     graph.start(ViewNode)
     kinds = {"pose": PoseStamped, "twist": TwistStamped, "fix": NavSatFix, "path": Path}
@@ -148,7 +148,7 @@ def reverse(q):
 
 
 def frames(viewer):
-    """Transforms by child, in order."""
+    """Return the transforms by child, in order."""
     found = {}
     for message in (*viewer["/tf_static"], *viewer["/tf"]):
         for transform in message.transforms:
@@ -333,7 +333,7 @@ def test_an_unknown_mission_is_refused(graph):
 
 
 class Client:
-    """What a client of the WebSocket server is told, channel by channel."""
+    """Connect to the WebSocket server; collect its messages by channel."""
 
     def __init__(self, port):
         self._port = port

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The preparation of the workspace, without preparing one."""
+"""The preparation of the workspace, without a real one."""
 
 import fcntl
 import importlib.util
@@ -32,7 +32,7 @@ progress = sys.modules["progress"]
 
 @pytest.fixture
 def project(tmp_path):
-    """A small project: one interface package, two Python packages."""
+    """Make a small project: one interface package, two Python packages."""
     root = tmp_path / "a project"
     files = {
         "requirements/locked/uv.txt": "uv==0.13.9\n",
@@ -210,7 +210,7 @@ def test_another_clone_leaves_no_trace(project, tmp_path):
 
 @pytest.fixture
 def jazzy(tmp_path):
-    """A sourced ROS 2 Jazzy, as far as one can see it from its environment."""
+    """Return the environment of a sourced ROS 2 Jazzy."""
     prefix = tmp_path / "jazzy"
     (prefix / "share/rclpy").mkdir(parents=True)
     (prefix / "share/rclpy/package.xml").touch()
@@ -608,7 +608,7 @@ def test_node_executables_start_from_a_path_with_blanks(tmp_path):
 
 @pytest.fixture
 def launcher(tmp_path):
-    """The launcher in a project of its own, with a stand-in for tools/workspace.py."""
+    """Copy the launcher to a project of its own, with a stand-in for tools/workspace.py."""
     root = tmp_path / "a b" / "clone"
     (root / "tools").mkdir(parents=True)
     shutil.copy(ROOT / "ares", root)
@@ -630,7 +630,7 @@ def test_the_launcher_keeps_folder_and_arguments(launcher, tmp_path):
 
 
 def tools_only(folder: Path) -> dict[str, str]:
-    """An environment with the few tools of the launcher and no Python."""
+    """Return an environment with the tools of the launcher and no Python."""
     for name in ("sh", "dirname", "readlink"):
         program(folder, name, f'exec {shutil.which(name)} "$@"')
     return {"PATH": str(folder)}
@@ -651,7 +651,7 @@ def fresh_clone(tmp_path_factory):
 
 
 def of_fresh_clone(clone, *words):
-    """Exit status, output, errors; no environment and no kernel may be made."""
+    """Run a call in a fresh clone, without preparation; return exit status, output, errors."""
     done = run([str(clone / "ares"), *words], env={"PATH": os.environ["PATH"]})
     assert sorted(path.name for path in clone.iterdir()) == ["ares", "src", "tools"]
     return done.returncode, done.stdout, done.stderr
@@ -750,7 +750,7 @@ def test_the_makefile_lists_its_targets():
 
 
 class HandClock:
-    """Time as it is told."""
+    """Return a time set by the test."""
 
     def __init__(self):
         self.now = 100.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/your_law.md, followed to the letter but for the place of installation."""
+"""docs/your_law.md, followed literally, except for the place of installation."""
 
 import json
 import os
@@ -19,7 +19,7 @@ PAGE = Path(__file__).parent.parent / "docs" / "your_law.md"
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """The environment of a user who has the package of the page."""
+    """Return the environment of a user who has installed the page's package."""
     folder = tmp_path_factory.mktemp("linear_tangent")
     law, setup = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (folder / "linear_tangent.py").write_text(law)
@@ -84,7 +84,7 @@ def test_a_law_that_is_broken_is_one_line(installed, tmp_path):
 
 
 def test_what_pages_name_of_a_law_there_is():
-    """Fields of `LawKind`, the guidance laws' own description, wherever docs name one."""
+    """Check that fields of `LawKind` named in docs exist."""
     pages = (Path(__file__).parent.parent / "docs").glob("*.md")
     named = {
         name for page in pages for name in re.findall(r"`LawKind\.(\w+)", page.read_text("utf-8"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/your_node.md: its nodes as printed, with each other and with the nodes that are there."""
+"""docs/your_node.md: its nodes as printed, with each other and with ours."""
 
 import re
 from pathlib import Path
@@ -19,7 +19,7 @@ PAGE = (Path(__file__).parent.parent / "docs" / "your_node.md").read_text()
 
 @pytest.fixture(scope="module")
 def printed():
-    """Classes of the page by name."""
+    """Return the classes of the page by name."""
     names = {"__name__": "page"}
     for program in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         exec(compile(program, "docs/your_node.md", "exec"), names)
@@ -28,7 +28,7 @@ def printed():
 
 @pytest.fixture
 def mission(tmp_path):
-    """File of the page's mission."""
+    """Write the page's mission file."""
     (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
     path = tmp_path / "kick.yaml"
     path.write_text(text)
@@ -36,7 +36,7 @@ def mission(tmp_path):
 
 
 def vehicle(graph, printed, mission):
-    """The simulator of the page, as its last line makes it."""
+    """Make the page's simulator as its last line does."""
     start = load_mission(str(mission)).start()
     return graph.add(
         printed["Simulator"](
@@ -46,7 +46,7 @@ def vehicle(graph, printed, mission):
 
 
 def fly(graph):
-    """Spin to the end; the last event."""
+    """Spin to the end; return the last event."""
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     assert [e.type for e in graph.events].count(FlightEvent.CUTOFF) == 1
     assert [state.sequence for state in graph.states] == list(range(len(graph.states)))

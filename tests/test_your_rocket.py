@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/your_rocket.md, followed to the letter."""
+"""docs/your_rocket.md, followed literally."""
 
 import re
 import shlex
@@ -16,7 +16,7 @@ NUMBER = re.compile(r"-?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
 
 def blocks(text):
-    """Kind and lines of each block of code, in order."""
+    """Return kind and lines of each code block, in order."""
     return [
         (kind, body.splitlines()) for kind, body in re.findall(r"```(\w+)\n(.*?)```", text, re.S)
     ]
@@ -36,14 +36,14 @@ def numbers(line):
 
 
 def is_shown(shown, line):
-    """The same words, the same numbers but for the last digits."""
+    """Tell whether lines have equal words, and equal numbers except for the last digits."""
     if NUMBER.sub("#", shown).split() != NUMBER.sub("#", line).split():
         return False
     return numbers(line) == pytest.approx(numbers(shown), rel=1e-4)
 
 
 def compare(shown, printed):
-    """Every line that is shown is printed, next to the one before it unless dots say not."""
+    """Assert that the lines shown are printed, consecutively unless dots allow a gap."""
     rest = iter([line for line in printed if line.strip()])
     free = False
     for wanted in shown:

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a pin is known to be vulnerable, by a database of advisories on this machine.
+"""Check the pins for known vulnerabilities, with a local database of advisories.
 
     ./ares exec python tools/advisories.py [FOLDER]
 
-The folder, or that of $ARES_ADVISORIES, holds advisories in the OSV format, JSON or YAML, one a
-file: an unpacked export of OSV for PyPI, or a clone of pypa/advisory-database. Nothing is fetched.
-Exit status: 0, no pin is known to be vulnerable, or, without a folder, nothing was checked, which
-is said; 1, one is; 2, there is no such folder, or no advisory in it.
+The folder, or that of $ARES_ADVISORIES, holds advisories in the OSV format, JSON or YAML, one per
+file: an unpacked export of OSV for PyPI, or a clone of pypa/advisory-database. Nothing is
+downloaded.
+
+Exit status: 0, no pin is known to be vulnerable, or, without a folder, nothing was checked (with a
+message); 1, one is; 2, there is no such folder, or no advisory in it.
 """
 
 import json
@@ -24,7 +26,7 @@ from packaging.version import InvalidVersion, Version
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from sbom import LISTS, pins, plain
 
-#: Every list, also of what is installed apart.
+#: All lists of requirements, including those installed separately.
 ALL_LISTS = (*LISTS, "coverage", "fuzz", "sbom")
 NOT_CHECKED = (
     "advisories: not checked: no database of advisories on this machine; ARES_ADVISORIES names "
@@ -35,14 +37,14 @@ _NAME = re.compile(r"""["']?name["']?\s*:\s*["']?([A-Za-z0-9._-]+)""")
 
 @dataclass(frozen=True)
 class Found:
-    """A pin that an advisory is about."""
+    """Hold a pin named by an advisory."""
 
     name: str
     version: str
     advisory: str
 
     def __str__(self) -> str:
-        """One line."""
+        """Format it as one line."""
         return f"{self.name} {self.version}: {self.advisory}"
 
 
@@ -54,7 +56,7 @@ def _parsed(version: str) -> Version | None:
 
 
 def _in_range(version: Version, events: list[dict[str, str]]) -> bool:
-    """Whether a version lies in a range of OSV: its events, in the order of their versions."""
+    """Tell whether a version is in a range of OSV, given as events in order of version."""
     inside = False
     for event in events:
         for kind, text in event.items():
@@ -80,7 +82,7 @@ def _affects(entry: Mapping[str, Any], name: str, version: str) -> bool:
 
 
 def _advisories(folder: Path, names: set[str]) -> Iterator[Mapping[str, Any]]:
-    """Advisories that name one of some packages; most name none, and are not parsed."""
+    """Yield the advisories that name one of the packages; skip others without parsing them."""
     for path in sorted([*folder.rglob("*.json"), *folder.rglob("*.yaml")]):
         text = path.read_text(encoding="utf-8", errors="replace")
         if not names.isdisjoint(map(plain, _NAME.findall(text))):
@@ -91,7 +93,7 @@ def _advisories(folder: Path, names: set[str]) -> Iterator[Mapping[str, Any]]:
 
 
 def check(folder: Path, pinned: Mapping[str, str]) -> tuple[list[Found], str]:
-    """Pins that are known to be vulnerable, and the date of the newest advisory that was read."""
+    """Return the vulnerable pins, and the date of the newest advisory read."""
     found, newest = [], ""
     for advisory in _advisories(folder, set(pinned)):
         newest = max(newest, str(advisory.get("modified", ""))[:10])
@@ -104,7 +106,7 @@ def check(folder: Path, pinned: Mapping[str, str]) -> tuple[list[Found], str]:
 
 
 def main(arguments: list[str]) -> int:
-    """Print what is known."""
+    """Print the vulnerable pins."""
     place = arguments[0] if arguments else os.environ.get("ARES_ADVISORIES", "")
     if not place:
         print(NOT_CHECKED)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The site of the project, by Sphinx: `make site` puts it into build/site.
+"""Build the project's site with Sphinx: `make site` puts it into build/site.
 
-Any warning is an error: a link that leads nowhere, a page that no other leads to.
+Any warning is an error: a broken link, a page that no other links to.
 """
 
 import shutil
@@ -32,8 +32,8 @@ def build(folder: Path) -> None:
         folder: of the site; its parent also gets `site_source` and `site_doctrees`.
 
     Raises:
-        SiteError: a link leads nowhere.
-        SphinxError: a page is wrong; the text says which.
+        SiteError: a link is broken.
+        SphinxError: a page is invalid; the text names it.
     """
     source = folder.with_name(f"{folder.name}_source")
     shutil.rmtree(source, ignore_errors=True)
@@ -62,14 +62,14 @@ def build(folder: Path) -> None:
 
 
 def reachable(page: str) -> str:
-    """What the theme leaves out for those who read with a keyboard or by ear."""
+    """Add to a page what the theme lacks for keyboards and screen readers."""
     named = page.replace('role="heading"', 'role="heading" aria-level="2"')
     tables = named.replace('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper')
     return tables.replace("<pre>", '<pre tabindex="0">')
 
 
 def main() -> int:
-    """Build it; the exit status."""
+    """Build the site; return the exit status."""
     folder = Path(sys.argv[1]).absolute() if sys.argv[1:] else ROOT / "build" / "site"
     try:
         build(folder)

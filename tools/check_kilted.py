@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hold our settings of Fast DDS against Fast DDS 3, from the wheels of ROS 2 Kilted.
+"""Check our settings of Fast DDS with Fast DDS 3, from the wheels of ROS 2 Kilted.
 
     ./ares exec python tools/check_kilted.py [FOLDER]
 
 Makes an environment in FOLDER (a temporary one by default), starts a node in it with the profile
-that a flight would set there, and ends with 1 if anything is complained of. A control, the profile
-of Fast DDS 2, must be complained of.
+that a flight would set there, and returns 1 if the node prints a complaint. As a control, the
+profile of Fast DDS 2 must cause one.
 """
 
 import argparse
@@ -28,15 +28,15 @@ rclpy.create_node("check_kilted").create_publisher(Log, "check_kilted", 1)
 rclpy.shutdown()
 print("done")
 """
-#: Above those that flights claim.
+#: ROS domain above those claimed by flights.
 DOMAIN = "101"
 
 
 def complaints(folder: Path, settings: Mapping[str, str]) -> str:
-    """Return the output of a node that starts with these settings; empty: there is none.
+    """Return the output of a node started with these settings; "" if there is none.
 
     Raises:
-        RuntimeError: it did not come to its end.
+        RuntimeError: it did not complete.
     """
     kept = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
     environment = {"AMENT_PREFIX_PATH": str(folder), "ROS_DOMAIN_ID": DOMAIN, **kept, **settings}
@@ -53,7 +53,7 @@ def complaints(folder: Path, settings: Mapping[str, str]) -> str:
 
 
 def check(folder: Path) -> int:
-    """Exit status: 0, or 1 if the settings are not taken."""
+    """Return 0, or 1 if the settings are not accepted."""
     python = str(folder / "bin" / "python")
     if not Path(python).exists():
         venv.create(folder, with_pip=True)
@@ -69,7 +69,7 @@ def check(folder: Path) -> int:
 
 
 def main() -> int:
-    """Make the environment, look."""
+    """Make the environment and check it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", nargs="?", type=Path, help="of the environment, kept if named")
     options = parser.parse_args()

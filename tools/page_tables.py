@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of pages from what benchmarks have kept: faults in flights, flights over a link.
+"""Write tables of benchmark results into pages: faults in flights, flights over a link.
 
-python3 tools/page_tables.py    writes them into their pages
+python3 tools/page_tables.py    updates the pages
 """
 
 import json
@@ -15,7 +15,7 @@ SUMS = ("injected", "survived", "degraded", "wrong")
 
 
 def faults(result: dict[str, Any]) -> str:
-    """The table of benchmarks/faults.py, with the line that says when and on what it was made."""
+    """Format the table of benchmarks/faults.py, with a line on date and machine."""
     made = f"{result['injected']:,} faults, seed {result['seed']}; {result['measured']}, "
     again = "; ".join(result.get("flown_again", ()))
     lines = [
@@ -32,7 +32,7 @@ def faults(result: dict[str, Any]) -> str:
 
 
 def latency(result: dict[str, Any]) -> str:
-    """The table of benchmarks/latency.py: final masses, and the verdict where it is no target."""
+    """Format the table of benchmarks/latency.py: final masses, or the verdict off target."""
     losses = sorted({row["loss"] for row in result["rows"]})
     flights = {(row["law"], row["latency_s"], row["loss"]): row for row in result["rows"]}
     lines = [
@@ -57,12 +57,12 @@ def _flight(row: dict[str, Any] | None) -> str:
 
 
 class Table(NamedTuple):
-    """One table.
+    """Define one table.
 
     Attributes:
-        page: where it stands.
-        result: what a benchmark has kept.
-        make: Markdown of it.
+        page: file that holds it.
+        result: file of the benchmark's results.
+        make: formats it in Markdown.
     """
 
     page: Path
@@ -70,7 +70,7 @@ class Table(NamedTuple):
     make: Callable[[dict[str, Any]], str]
 
     def filled(self) -> str:
-        """The page with the table in place of its own."""
+        """Return the page with the new table."""
         made = self.make(json.loads(self.result.read_text()))
         before, _, rest = self.page.read_text().partition(BEGIN)
         _, _, after = rest.partition(END)

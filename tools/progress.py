@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines on standard error while the workspace is made, and on a terminal a bar below them.
+"""Print lines on standard error while the workspace is prepared, with a bar below on a terminal.
 
-Needs nothing but the standard library: nothing else is installed by then.
+Standard library only: nothing else is installed by then.
 """
 
 import contextlib
@@ -12,26 +12,26 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 
-#: Wall time in s between drawings of the bar.
+#: Wall time in s between two updates of the bar.
 PERIOD = 0.2
-#: How fast a running step's share comes near to 1, which it does not reach by itself: 0.78 are
-#: done when it should have ended.
+#: Rate at which the share of a running step approaches 1 without reaching it: 0.78 at the expected
+#: end.
 APPROACH = 1.5
-#: Characters of the bar itself.
+#: Width of the bar, characters.
 WIDTH = 24
 CLEAR_LINE = "\r\x1b[K"
 
 
 class Steps:
-    """How much of some steps is done, and how long the rest may take."""
+    """Estimate the completed share of some steps and the time left."""
 
     def __init__(
         self, lengths: Mapping[str, float], clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Nothing is done yet.
+        """Start with no step done.
 
         Args:
-            lengths: by name, how long each step takes on an idle machine of two cores, s.
+            lengths: duration of each step on an idle machine of two cores, s, by name.
             clock: s, of any origin.
         """
         self._lengths = lengths
@@ -42,7 +42,7 @@ class Steps:
 
     @contextlib.contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """While a step runs, if it is one of these; others may run beside it."""
+        """Mark a step as running inside the block, if it is one of these; steps may overlap."""
         if name not in self._lengths:
             yield
             return
@@ -54,17 +54,17 @@ class Steps:
 
     @property
     def running(self) -> list[str]:
-        """Names of the steps that run."""
+        """Return the names of the running steps."""
         return list(self._running)
 
     @property
     def elapsed(self) -> float:
-        """Time since the beginning, s."""
+        """Return the time since the start, s."""
         return self._clock() - self._begun
 
     def share(self) -> float:
-        """How much is done, 0 to 1."""
-        # how much slower this machine is than the one that the lengths are of
+        """Return the completed share, 0 to 1."""
+        # ratio of this machine's durations to the expected ones
         known = sum(self._lengths[name] for name in self._done)
         slower = sum(self._done.values()) / known if known else 1.0
         done, now = known, self._clock()
@@ -74,7 +74,7 @@ class Steps:
         return done / sum(self._lengths.values())
 
     def left(self) -> float:
-        """How long the rest may take, s: as fast as it went so far, once that can be told."""
+        """Estimate the time left, s, at the speed so far once that is known."""
         share = self.share()
         if share < 0.1:
             return (1.0 - share) * sum(self._lengths.values())
@@ -82,23 +82,23 @@ class Steps:
 
 
 class Bar:
-    """Draws steps on a terminal's last line; anywhere else it draws nothing."""
+    """Draw steps on a terminal's last line; draw nothing elsewhere."""
 
     def __init__(self) -> None:
-        """No bar is drawn yet."""
+        """Start without a bar."""
         self._steps: Steps | None = None
         self._over = threading.Event()
         self._pen = threading.Lock()
 
     def say(self, text: str) -> None:
-        """Print one line for the user, apart from what a verb prints on stdout."""
+        """Print one line on standard error, apart from a verb's standard output."""
         with self._pen:
             clear = CLEAR_LINE if self._steps else ""
             print(f"{clear}ares: {text}", file=sys.stderr, flush=True)
 
     @contextlib.contextmanager
     def over(self, steps: Steps) -> Iterator[None]:
-        """While the steps run."""
+        """Draw the bar while the block runs."""
         if not sys.stderr.isatty():
             yield
             return
@@ -122,7 +122,7 @@ class Bar:
 
 
 def line(steps: Steps) -> str:
-    """The bar as text."""
+    """Format the bar."""
     share = steps.share()
     full = round(WIDTH * share)
     about = " and ".join(steps.running)

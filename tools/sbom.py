@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bill of materials of the pinned packages: requirements/sbom.json, CycloneDX.
+"""Write the bill of materials of the pinned packages: requirements/sbom.json, CycloneDX.
 
-`make sbom` lists the prepared environment by the tool cyclonedx-py and hands that list over.
-Kept is what requirements/locked pins, with its version and its licence: the one that its package
-says, else that of its ROS package.xml, else one of LICENCES, which were read in the packages.
+`make sbom` lists the prepared environment with the tool cyclonedx-py and passes that list here. The
+pins of requirements/locked are kept, with version and licence: that of the package's metadata, else
+of its ROS package.xml, else of LICENCES, which were read in the packages.
 """
 
 import json
@@ -15,10 +15,10 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 LOCKED = ROOT / "requirements" / "locked"
 OUT = ROOT / "requirements" / "sbom.json"
-#: Lists that the prepared environment is made of; the others are of tools apart.
+#: Lists of the prepared environment; the others are of separate tools.
 LISTS = ("uv", "ros-jazzy", "build", "fly", "solve", "live", "pages", "dev")
 
-#: Licences of packages that carry their text, or a link, and name none in their metadata.
+#: Licences of packages whose metadata hold only its text or a link.
 LICENCES = {
     "axe-playwright-python": "MIT",
     "empy": "LGPL-2.1-or-later",
@@ -27,7 +27,7 @@ LICENCES = {
     "ros-fastrtps": "Apache-2.0",
     "setuptools": "MIT",
 }
-#: What package.xml files of ROS call their licences, by SPDX.
+#: SPDX names of the licences in ROS package.xml files.
 _SPDX = {
     "Apache License 2.0": "Apache-2.0",
     "Apache 2.0": "Apache-2.0",
@@ -39,12 +39,12 @@ _LICENCE = re.compile(r"<license[^>]*>([^<]+)</license>")
 
 
 def plain(name: str) -> str:
-    """A package's name as all its spellings are compared."""
+    """Normalize a package's name."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def pins(names: tuple[str, ...] = LISTS) -> dict[str, str]:
-    """Versions by plain name."""
+    """Return the pinned versions by normalized name."""
     found: dict[str, str] = {}
     for name in names:
         text = (LOCKED / f"{name}.txt").read_text(encoding="utf-8")
@@ -53,7 +53,7 @@ def pins(names: tuple[str, ...] = LISTS) -> dict[str, str]:
 
 
 def ros_licence(name: str, share: Path) -> str:
-    """Licence of a wheel by the package.xml that it brings; empty if it brings none."""
+    """Return the licence in a wheel's package.xml; "" without one."""
     package = re.sub(r"^ros-(jazzy-)?", "", name).replace("-", "_")
     try:
         text = (share / package / "package.xml").read_text(encoding="utf-8")
@@ -64,22 +64,22 @@ def ros_licence(name: str, share: Path) -> str:
 
 
 def licences(component: dict[str, Any], share: Path) -> list[dict[str, Any]]:
-    """What a component is licensed under, as CycloneDX has it; empty if nothing tells."""
+    """Return the licences of a component in CycloneDX; empty if unknown."""
     if component.get("licenses"):
         return list(component["licenses"])
     name = plain(component["name"])
-    # a list of packages alone, of the ROS 2 distribution
+    # a metapackage of the ROS 2 distribution
     listed = "Apache-2.0" if name.startswith("ros-jazzy-") else ""
     known = LICENCES.get(name) or ros_licence(name, share) or listed
     return [{"expression": known}] if known else []
 
 
 def bill(raw: dict[str, Any], share: Path) -> dict[str, Any]:
-    """What the tool has listed, reduced to the pins.
+    """Reduce the tool's list to the pins.
 
     Args:
-        raw: as the tool has written it.
-        share: where package.xml files of ROS are.
+        raw: output of the tool.
+        share: folder of ROS package.xml files.
     """
     wanted = pins()
     components = []
@@ -109,7 +109,7 @@ def bill(raw: dict[str, Any], share: Path) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Write the bill; the exit status says whether each pin has its licence in it."""
+    """Write the bill; return 0 if each pin has its licence in it."""
     raw = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     found = bill(raw, ROOT / ".venv" / "share")
     OUT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of the site, as Markdown: docs/, and what is made of the sources, so that it stays true.
+"""Compose the pages of the site in Markdown: docs/, and pages generated from the sources.
 
 Messages are read from their definitions, parameters from the nodes' tables, help from the command
-line, measurements from what benchmarks kept; the front page and the packages' pages are READMEs.
+line, measurements from benchmark results; the front page and the packages' pages are READMEs.
 """
 
 import importlib
@@ -15,7 +15,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 
-#: Files outside of docs/ that are pages, and where on the site they are.
+#: Files outside of docs/ that are pages, with their names on the site.
 PAGES = {
     "README.md": "index.md",
     "CONTRIBUTING.md": "contributing.md",
@@ -81,11 +81,11 @@ _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
 class SiteError(ValueError):
-    """A page cannot be made; the text is one line."""
+    """Report in one line that a page cannot be made."""
 
 
 def pages() -> dict[str, str]:
-    """Every page by its name on the site."""
+    """Return every page by its name on the site."""
     made = {page: moved(source, page) for source, page in PAGES.items()}
     made["index.md"] += contents()
     made["reference/messages.md"] = messages()
@@ -97,7 +97,7 @@ def pages() -> dict[str, str]:
 
 
 def contents() -> str:
-    """What stands in the side bar."""
+    """Write the side bar."""
     return "".join(
         f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{chr(10).join(names)}\n```\n"
         for caption, names in CHAPTERS.items()
@@ -105,20 +105,20 @@ def contents() -> str:
 
 
 def moved(source: str, page: str) -> str:
-    """A page that is a file of the project."""
+    """Return a file of the project as a page."""
     return relinked((ROOT / source).read_text(), source, page)
 
 
 def relinked(text: str, source: str, page: str) -> str:
-    """A file's text as a page of the site.
+    """Convert a file's text to a page of the site.
 
     Args:
         text: Markdown.
-        source: the file, from the top of the project; its links start from there.
-        page: where it is on the site.
+        source: path of the file in the project, base of its links.
+        page: its name on the site.
 
     Raises:
-        SiteError: a link leads nowhere.
+        SiteError: a link is broken.
     """
 
     def link(found: re.Match[str]) -> str:
@@ -130,7 +130,7 @@ def relinked(text: str, source: str, page: str) -> str:
         if not (ROOT / there).exists():
             raise SiteError(f"{source}: link to {target}, which is not there")
         if on_site is None:
-            # a source file: the site names it
+            # a source file is not on the site: name it only
             return f"{words} (`{there}`)" if words.strip("`") != there else f"`{there}`"
         relative = posixpath.relpath(on_site, posixpath.dirname(page) or ".")
         return f"{picture}[{words}]({relative}{anchor or ''})"
@@ -139,12 +139,12 @@ def relinked(text: str, source: str, page: str) -> str:
 
 
 def cell(text: str) -> str:
-    """A text in a table."""
+    """Escape a text for a table cell."""
     return " ".join(text.split()).replace("|", "\\|")
 
 
 def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
+    """Format a Markdown table."""
     lines = [titles, ["---"] * len(titles), *([cell(item) for item in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
@@ -153,7 +153,7 @@ def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def messages() -> str:
-    """Every message, service and action with its fields."""
+    """Describe every message, service and action with its fields."""
     from rosidl_adapter import parser
 
     parts = ["# Messages\n\nMade of the definitions in `src/ares_msgs`."]
@@ -173,7 +173,7 @@ def messages() -> str:
 
 
 def described(message: Any) -> Iterator[str]:
-    """Text, constants and fields of a parsed message."""
+    """Yield text, constants and fields of a parsed message."""
     if text := message.annotations.get("comment"):
         yield "\n".join(text)
     if message.constants:
@@ -195,10 +195,10 @@ def described(message: Any) -> Iterator[str]:
 
 
 def comment(item: Any, message: Any) -> str:
-    """What a definition says of a field or a constant; the parser takes the first unit out."""
+    """Return the comment of a field or constant, with the unit that the parser has removed."""
     lines = item.annotations.get("comment", [])
     if lines and lines[0] in {field.name for field in message.fields}:
-        # the field whose values the constants below are
+        # the name of the field to which the constants below belong
         lines = lines[1:]
     text = " ".join(lines)
     unit = item.annotations.get("unit")
@@ -209,7 +209,7 @@ def comment(item: Any, message: Any) -> str:
 
 
 def parameters() -> str:
-    """The parameters of each node."""
+    """Describe the parameters of each node."""
     parts = ["# Parameters\n\nMade of the tables that the nodes declare their parameters from."]
     for node, module in NODES.items():
         rows = [
@@ -230,7 +230,7 @@ def parameters() -> str:
 
 
 def keys() -> str:
-    """Every key of the files that people write."""
+    """Describe every key of mission and dispersions files."""
     from ares_models.mission import Mission
     from ares_vehicle_sim.dispersions import Dispersions
 
@@ -250,7 +250,7 @@ def keys() -> str:
 
 
 def key_table(part: Mapping[str, Any]) -> str:
-    """The keys of one mapping."""
+    """Tabulate the keys of one mapping."""
     needed = part.get("required", ())
     return table(
         ("key", "value", "default", "what"),
@@ -267,12 +267,12 @@ def key_table(part: Mapping[str, Any]) -> str:
 
 
 def default_words(value: Any) -> str:
-    """A default; nothing for what is simply left out."""
+    """Format a default; "" if the key may simply be omitted."""
     return "" if value in (None, [], {}) else f"`{value}`"
 
 
 def value_words(about: Mapping[str, Any]) -> str:
-    """What a value must be, in words, from its JSON Schema."""
+    """Describe the valid values of a key from its JSON Schema."""
     for forms in ("anyOf", "oneOf"):
         if forms in about:
             words = [value_words(form) for form in about[forms] if form.get("type") != "null"]
@@ -296,7 +296,7 @@ def value_words(about: Mapping[str, Any]) -> str:
 
 
 def command_line() -> str:
-    """Help of every verb."""
+    """Collect the help of every verb."""
     import typer
 
     from ares_bringup.commands.cli import app
@@ -308,7 +308,7 @@ def command_line() -> str:
 
 
 def helps(command: Any, name: str) -> Iterator[tuple[str, str]]:
-    """Full name and help of a command and of those below it."""
+    """Yield full name and help of a command and its subcommands."""
     context = command.make_context(name, [], resilient_parsing=True)
     yield name, command.get_help(context)
     for below, child in getattr(command, "commands", {}).items():
@@ -319,7 +319,7 @@ def helps(command: Any, name: str) -> Iterator[tuple[str, str]]:
 
 
 def benchmarks() -> str:
-    """What was measured, as the scripts kept it; then how."""
+    """Describe the kept benchmark results, then the method."""
     parts = []
     for path in sorted((ROOT / "benchmarks" / "results").glob("*.json")):
         result = json.loads(path.read_text())

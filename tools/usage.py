@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write what `./ares` tells of its verbs before anything is installed: `make usage`."""
+"""Write the usage of all verbs, which `./ares` needs before anything is installed: `make usage`."""
 
 import json
 from pathlib import Path
@@ -10,22 +10,22 @@ from typer.main import get_command
 from ares_bringup import usage
 from ares_bringup.verbs.app import app
 
-#: Columns of help.
+#: Width of the help, columns.
 WIDTH = 80
 
 
 def describe(command: Any, name: str, above: Any = None) -> dict[str, Any]:
-    """Describe a command and all below it.
+    """Describe a command and its subcommands.
 
     Args:
         command: of the command-line library.
-        name: by which it is called.
-        above: context of the command that it is one of.
+        name: full name.
+        above: context of the parent command.
 
     Returns:
-        `help`: its text. `options`: for each how many words follow it. `commands`: those below
-        it by name; `default`: the one of them that a word stands for which is none of them.
-        `passes_on`: true where what follows its first word is for another program.
+        `help`: its text. `options`: number of values of each. `commands`: subcommands by name;
+        `default`: the one for words that name none. `passes_on`: true if the words after its first
+        are for another program.
     """
     settings = {"terminal_width": WIDTH - 2, "max_content_width": WIDTH}
     context = command.context_class(
@@ -51,7 +51,7 @@ def describe(command: Any, name: str, above: Any = None) -> dict[str, Any]:
 
 
 def text() -> str:
-    """Write the description of the whole command line as a file."""
+    """Describe the whole command line as JSON."""
     import ares_bringup.commands.cli  # noqa: F401  registers the verbs
 
     return json.dumps(describe(get_command(app), "ares"), indent=1, ensure_ascii=False) + "\n"

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prepare the workspace, then run the project's command line in it.
 
-Needs nothing but a Python with its standard library and a compiler. What it makes:
+Needs only a Python with its standard library and a compiler. It makes:
 
     .venv/          Python packages: ROS 2 Jazzy wheels (unless a sourced Jazzy is used), build
-                    tools and what flying needs, all at the versions in requirements/; what
-                    pages and tests need is added by the first verb that needs it
+                    tools and the requirements of flying, all pinned in requirements/; those of
+                    pages and tests are added by the first verb that needs them
     build/ install/ the colcon workspace of src/
     build/kernels/  machine code of the numeric kernels, one folder per state of their sources;
                     a flight compiles its own law, other verbs compile all
 
-Each part carries a stamp, written last and holding a digest of what the part was made from.
-A part whose stamp is missing or differs is made anew, so that an interruption at any point
-is repaired by the next call. A lock keeps two calls from preparing at the same time.
+Each part has a stamp, written last, with a digest of its inputs. A part whose stamp is missing or
+differs is made again, so that an interruption at any point is repaired by the next call. A lock
+keeps two calls from preparing at the same time.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src" / name) for name in ("ares_models", "ares_bringup")]
-# these need nothing but the standard library
+# standard library only
 from ares_bringup import usage  # noqa: E402
 from ares_models import kernel_cache  # noqa: E402
 
@@ -44,15 +44,15 @@ from progress import BAR, Steps, say  # noqa: E402
 
 ROS_DISTRO = "jazzy"
 PYTHONS = ((3, 11), (3, 12), (3, 13))
-# Raise it when a change of this file must remake everything.
+# Increment to remake everything after a change of this file.
 GENERATION = "2"
 
 INSTALLER = "uv.txt"
 ROS_REQUIREMENTS = ("ros-jazzy.txt",)
 REQUIREMENTS = ("build.txt", "fly.txt")
-#: What some verbs need besides, each list with a stamp of its own.
+#: Additional requirements of some verbs, each list with its own stamp.
 EVERYTHING = ("solve.txt", "live.txt", "pages.txt", "dev.txt")
-#: What campaigns, pages and pictures need.
+#: Requirements of campaigns, pages and plots.
 PAGES = ("solve.txt", "live.txt", "pages.txt")
 ALSO = {
     "aborts": PAGES,
@@ -69,29 +69,29 @@ ALSO = {
     "reproduce": PAGES,
     "test": EVERYTHING,
 }
-#: Options of a flight that the optimizer may have to plan, or that is drawn.
+#: Options of a flight that may need the optimizer or dispersions.
 SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(=.*)?")
-#: Options of a flight that is shown to Foxglove.
+#: Options of a flight with a Foxglove server.
 SHOWN_BY = re.compile(r"--foxglove(-port)?(=.*)?")
-#: What of the kernels a verb needs; the name of a law: what a flight by it calls.
+#: Kernels needed by a verb: all, none, or those of a flight by a law, given by its name.
 ALL_KERNELS = "all"
 NO_KERNELS = ""
 FEW_KERNELS = (
     *("bag", "dispersions", "env", "export", "live", "missions", "plot", "replay", "report"),
 )
-#: The law whose kernels compile while the messages are built: it is known without a registry.
+#: Law whose kernels are compiled while the messages are built, since it needs no registry.
 FIRST_LAW = "peg"
 COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
-#: Steps of the preparation, and how long each takes on an idle machine of two cores, s.
+#: Steps of the preparation, with their duration on an idle machine of two cores, s.
 PACKAGES, ADDITIONS = "Python packages", "further packages"
 BUILDING, KERNELS = "messages", "kernels"
 LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 30.0}
 ALL_KERNELS_LENGTH = 75.0
-#: What is waited for besides: another call's preparation, and a browser, which takes so long, s.
+#: Further steps: wait for another call's preparation; install a browser, with its duration, s.
 OTHERS, BROWSER = "another call", "a browser"
 BROWSER_LENGTH = 15.0
 
-#: Verbs of the workspace: what follows each, and what it does.
+#: Verbs of the workspace: arguments and help.
 VERBS = {
     "prepare": ("", "make the workspace ready, nothing else"),
     "exec": ("COMMAND ...", "run a command in the prepared environment"),
@@ -101,14 +101,14 @@ VERBS = {
 
 
 class WorkspaceError(Exception):
-    """The workspace cannot be prepared; the text is the one line to print."""
+    """Report in one line that the workspace cannot be prepared."""
 
 
-# --- what the parts are made from --------------------------------------------------------
+# --- digests of the parts ----------------------------------------------------------------
 
 
 def digest(parts: Iterable[str | bytes]) -> str:
-    """Hash a sequence of texts; where one ends and the next begins counts."""
+    """Hash a sequence of texts, including their boundaries."""
     state = hashlib.sha256()
     for part in parts:
         raw = part.encode() if isinstance(part, str) else part
@@ -118,7 +118,7 @@ def digest(parts: Iterable[str | bytes]) -> str:
 
 
 def _files(folder: Path) -> list[Path]:
-    """All files below a folder, sorted; caches and hidden files left out."""
+    """List all files below a folder, sorted, without caches and hidden files."""
     return sorted(
         path
         for path in folder.rglob("*")
@@ -131,22 +131,22 @@ def _files(folder: Path) -> list[Path]:
 
 
 def packages(root: Path) -> list[Path]:
-    """Folders of the packages in src/."""
+    """List the folders of the packages in src/."""
     return sorted(path.parent for path in root.glob("src/*/package.xml"))
 
 
 def interfaces(root: Path) -> list[Path]:
-    """Folders of the messages that every full ROS 2 has and no wheel brings."""
+    """List the folders of the messages that every full ROS 2 has but no wheel contains."""
     return sorted(path.parent for path in root.glob("tools/interfaces/*/package.xml"))
 
 
 def environment_digest(root: Path, python: str, ros: str) -> str:
-    """Digest of what .venv is made from.
+    """Hash the inputs of .venv.
 
     Args:
         root: top of the project.
         python: version, such as "3.12".
-        ros: prefix of the sourced ROS 2; empty for the wheels.
+        ros: prefix of the sourced ROS 2; "": the wheels.
     """
     names = REQUIREMENTS if ros else ROS_REQUIREMENTS + REQUIREMENTS
     pins = [lock_file(root, name).read_bytes() for name in (INSTALLER, *names)]
@@ -154,14 +154,14 @@ def environment_digest(root: Path, python: str, ros: str) -> str:
 
 
 def lock_file(root: Path, name: str) -> Path:
-    """A list of requirements with a hash of each file that may be installed."""
+    """Return the path of a list of requirements with hashes."""
     return root / "requirements" / "locked" / name
 
 
 def interface_digest(root: Path, environment: str) -> str:
-    """Digest of what a build from nothing is due for.
+    """Hash the inputs that require a complete rebuild.
 
-    That is what the compiled (CMake) packages are made from, and which packages there are.
+    They are the sources of the compiled (CMake) packages, and the list of packages.
     """
     parts: list[str | bytes] = [GENERATION, environment]
     found = [*packages(root), *interfaces(root)]
@@ -174,9 +174,9 @@ def interface_digest(root: Path, environment: str) -> str:
 
 
 def package_digest(root: Path) -> str:
-    """Digest of what the installed layout of the Python packages depends on.
+    """Hash the inputs of the installed layout of the Python packages.
 
-    Their modules are linked, not copied: an edit needs no new build.
+    Their modules are linked, not copied: an edit needs no rebuild.
     """
     parts: list[str | bytes] = []
     for package in packages(root):
@@ -189,7 +189,7 @@ def package_digest(root: Path) -> str:
 
 
 def kernel_digest(root: Path) -> str:
-    """Digest of the modules with kernels and of all project modules they import."""
+    """Hash the modules with kernels and all project modules they import."""
     texts: dict[str, str] = {}
     for package in packages(root):
         texts |= kernel_cache.read_package(package / package.name)
@@ -200,7 +200,7 @@ def kernel_digest(root: Path) -> str:
 
 
 def find_compiler(variable: str, names: Sequence[str], environ: Mapping[str, str]) -> str | None:
-    """Path of the compiler that ``variable`` or, if unset, one of ``names`` gives."""
+    """Return the path of the compiler named by ``variable`` or, if unset, by one of ``names``."""
     words = shlex.split(environ.get(variable, ""))
     for name in words[:1] or names:
         found = shutil.which(name, path=environ.get("PATH", os.defpath))
@@ -210,7 +210,7 @@ def find_compiler(variable: str, names: Sequence[str], environ: Mapping[str, str
 
 
 def check_prerequisites(environ: Mapping[str, str]) -> None:
-    """Raise WorkspaceError, naming what to install, if something needed is missing."""
+    """Raise WorkspaceError, with what to install, if a prerequisite is missing."""
     python = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     if not find_compiler("CC", ("cc", "gcc", "clang"), environ):
         raise WorkspaceError(
@@ -237,7 +237,7 @@ def check_prerequisites(environ: Mapping[str, str]) -> None:
 
 
 def sourced_ros(root: Path, environ: Mapping[str, str]) -> str:
-    """Prefix of the ROS 2 Jazzy that is sourced in ``environ``; empty if there is none."""
+    """Return the prefix of the ROS 2 Jazzy sourced in ``environ``; "" without one."""
     if environ.get("ROS_DISTRO") != ROS_DISTRO:
         return ""
     for prefix in split_path(environ.get("AMENT_PREFIX_PATH", "")):
@@ -247,7 +247,7 @@ def sourced_ros(root: Path, environ: Mapping[str, str]) -> str:
 
 
 def ros_paths(environ: Mapping[str, str]) -> dict[str, str]:
-    """What sourcing a ROS 2 has put into the search paths."""
+    """Return the entries that a sourced ROS 2 has added to the search paths."""
     prefixes = split_path(environ.get("AMENT_PREFIX_PATH", ""))
     added = {
         name: [entry for entry in split_path(environ.get(name, "")) if _below(entry, prefixes)]
@@ -257,7 +257,7 @@ def ros_paths(environ: Mapping[str, str]) -> dict[str, str]:
 
 
 def find_ros_python(environ: Mapping[str, str]) -> str | None:
-    """A Python that can import the rclpy of the sourced ROS 2; this one if possible."""
+    """Return a Python that can import the sourced ROS 2's rclpy, this one if possible."""
     candidates = [base_python()]
     if not environ.get("PYTHON"):
         candidates += ["python3", "/usr/bin/python3"]
@@ -277,7 +277,7 @@ def find_ros_python(environ: Mapping[str, str]) -> str | None:
 
 
 def base_python() -> str:
-    """The interpreter that runs this, outside of any virtual environment."""
+    """Return the interpreter of this process, outside of any virtual environment."""
     base = getattr(sys, "_base_executable", None)
     return str(base or sys.executable)
 
@@ -286,7 +286,7 @@ def base_python() -> str:
 
 
 def split_path(value: str) -> list[str]:
-    """Entries of a search path, empty ones left out."""
+    """Return the non-empty entries of a search path."""
     return [entry for entry in value.split(os.pathsep) if entry]
 
 
@@ -302,7 +302,7 @@ SEARCH_PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "C
 
 
 def without_other_clone(environ: Mapping[str, str], root: Path) -> dict[str, str]:
-    """Copy of ``environ`` without what another clone of this project has put there."""
+    """Copy ``environ`` without the entries of another clone of this project."""
     result = dict(environ)
     other = environ.get("ARES_WORKSPACE", "")
     if not other or other == str(root):
@@ -318,7 +318,7 @@ def without_other_clone(environ: Mapping[str, str], root: Path) -> dict[str, str
 
 
 def without_foreign_ros(environ: Mapping[str, str], ros: str) -> dict[str, str]:
-    """Copy of ``environ`` without the traces of a sourced ROS 2 that is not the one in use."""
+    """Copy ``environ`` without the entries of a sourced ROS 2 that is not the one in use."""
     result = dict(environ)
     distro = environ.get("ROS_DISTRO", "")
     if not distro or (ros and distro == ROS_DISTRO):
@@ -335,14 +335,14 @@ def without_foreign_ros(environ: Mapping[str, str], ros: str) -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Workspace:
-    """A prepared, or half prepared, workspace.
+    """Hold a prepared, or partly prepared, workspace.
 
     Attributes:
         root: top of the project.
         python: version of Python in .venv, such as "3.12".
-        ros: prefix of the sourced ROS 2 that it is built on; empty for the wheels.
-        sourced: prefix of the ROS 2 that was sourced when .venv was made; empty for none.
-        ros_paths: what sourcing it added to the search paths, for shells without it.
+        ros: prefix of the sourced ROS 2 on which it is built; "": the wheels.
+        sourced: prefix of the ROS 2 that was sourced when .venv was made; "": none.
+        ros_paths: search-path entries of that ROS 2, for shells without it.
     """
 
     root: Path
@@ -353,35 +353,35 @@ class Workspace:
 
     @property
     def venv(self) -> Path:
-        """The virtual environment."""
+        """Return the path of the virtual environment."""
         return self.root / ".venv"
 
     @property
     def site_packages(self) -> Path:
-        """Where its packages are."""
+        """Return the folder of its packages."""
         return self.venv / "lib" / f"python{self.python}" / "site-packages"
 
     @property
     def interpreter(self) -> Path:
-        """Its Python."""
+        """Return the path of its Python."""
         return self.venv / "bin" / "python"
 
     @property
     def log(self) -> Path:
-        """Output of the last preparation."""
+        """Return the log of the last preparation."""
         return self.root / "build" / "prepare.log"
 
     @property
     def kernels(self) -> Path:
-        """Folder of the compiled kernels as their sources are now."""
+        """Return the folder of the compiled kernels for the present sources."""
         return self.root / "build" / "kernels" / kernel_digest(self.root)
 
     def environment(self, environ: Mapping[str, str], build: bool = False) -> dict[str, str]:
-        """The environment in which the project runs, made from the user's.
+        """Make the environment in which the project runs from the user's.
 
         Args:
-            environ: the user's environment; one made by this function is fine too.
-            build: leave out the workspace itself, for the tools that make it.
+            environ: the user's environment, or one made by this function.
+            build: leave out the workspace itself, for the tools that build it.
         """
         result = without_foreign_ros(without_other_clone(environ, self.root), self.ros)
         for name, value in self.ros_paths.items():
@@ -394,7 +394,7 @@ class Workspace:
         if not build:
             front["AMENT_PREFIX_PATH"] += [install]
             front["LD_LIBRARY_PATH"] += [f"{install}/lib"]
-            # the sources themselves, then what colcon knows of them (entry points)
+            # the sources themselves, then colcon's metadata (entry points)
             mine = [path for path in packages(self.root) if (path / "setup.py").exists()]
             front["PYTHONPATH"] += [str(path) for path in mine]
             front["PYTHONPATH"] += [str(self.root / "build" / path.name) for path in mine]
@@ -422,9 +422,9 @@ class Workspace:
             result["NUMBA_CACHE_DIR"] = str(self.kernels)
         result["ARES_WORKSPACE"] = str(self.root)
         result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        # matrices are small here, and threads for larger ones cost each Python 0.1 s
+        # the matrices are small, and OpenBLAS threads cost each Python 0.1 s
         result.setdefault("OPENBLAS_NUM_THREADS", "1")
-        # pydantic would look for plugins in all that is installed, at each start
+        # else pydantic searches all installed packages for plugins at each start
         result.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
         result.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
         result.setdefault("ROS_LOG_DIR", str(self.root / "log" / "ros"))
@@ -436,7 +436,7 @@ class Workspace:
 
 
 def read_stamp(path: Path) -> dict[str, str]:
-    """The content of a stamp; empty if there is none or it is damaged."""
+    """Read a stamp; empty if it is missing or damaged."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -447,24 +447,24 @@ def read_stamp(path: Path) -> dict[str, str]:
 
 
 def write_stamp(path: Path, content: Mapping[str, str]) -> None:
-    """Write a stamp at once or not at all."""
+    """Write a stamp atomically."""
     partial = path.with_name(path.name + ".partial")
     partial.write_text(json.dumps(dict(content), indent=1) + "\n", encoding="utf-8")
     os.replace(partial, path)
 
 
 def venv_stamp(root: Path) -> Path:
-    """Stamp that says what .venv was made from."""
+    """Return the path of the stamp of .venv."""
     return root / ".venv" / ".ready"
 
 
 def build_stamp(root: Path) -> Path:
-    """Stamp that says what build/ and install/ were made from."""
+    """Return the path of the stamp of build/ and install/."""
     return root / "build" / ".ready"
 
 
 def prepared_environment(root: Path, environ: Mapping[str, str]) -> Workspace | None:
-    """The workspace if its .venv is complete and the one that ``environ`` asks for."""
+    """Return the workspace if its .venv is complete and matches ``environ``; else None."""
     stamp = read_stamp(venv_stamp(root))
     python, ros = stamp.get("python", ""), stamp.get("ros", "")
     if not python or not os.access(root / ".venv" / "bin" / "python", os.X_OK):
@@ -483,12 +483,12 @@ def prepared_environment(root: Path, environ: Mapping[str, str]) -> Workspace | 
 
 
 def addition_stamp(root: Path, name: str) -> Path:
-    """Stamp that says what of .venv came from one of the lists in `ALSO`."""
+    """Return the path of the stamp of an additional list of requirements."""
     return root / ".venv" / f".ready-{name}"
 
 
 def missing_additions(workspace: Workspace, names: Sequence[str]) -> list[str]:
-    """Which lists of requirements are not installed as they are now."""
+    """Return the lists of requirements that are not installed in their present version."""
     return [
         name
         for name in names
@@ -497,19 +497,19 @@ def missing_additions(workspace: Workspace, names: Sequence[str]) -> list[str]:
 
 
 def addition_digest(workspace: Workspace, name: str) -> dict[str, str]:
-    """What the stamp of an installed list must say."""
+    """Return the expected stamp of an installed list."""
     return {"digest": digest([lock_file(workspace.root, name).read_bytes()])}
 
 
 def build_digests(workspace: Workspace) -> dict[str, str]:
-    """What the stamp of the built workspace must say."""
+    """Return the expected stamp of the built workspace."""
     root = workspace.root
     made_from = environment_digest(root, workspace.python, workspace.ros)
     return {"interfaces": interface_digest(root, made_from), "packages": package_digest(root)}
 
 
 def is_built(workspace: Workspace) -> bool:
-    """True if build/ and install/ are complete and up to date."""
+    """Tell whether build/ and install/ are complete and up to date."""
     root = workspace.root
     return (root / "install/setup.sh").exists() and (
         read_stamp(build_stamp(root)) == build_digests(workspace)
@@ -521,7 +521,7 @@ def is_built(workspace: Workspace) -> bool:
 
 @contextlib.contextmanager
 def preparation_lock(root: Path) -> Iterator[int]:
-    """Hold the lock of the preparation; yields its descriptor.
+    """Hold the lock of the preparation; yield its descriptor.
 
     Children inherit the descriptor: if this process is killed, the lock is free only when
     its pip or colcon has ended too.
@@ -542,13 +542,13 @@ def preparation_lock(root: Path) -> Iterator[int]:
 
 
 def announce(lock: int, lengths: Mapping[str, float]) -> None:
-    """Leave in the lock's file, for calls that wait, until when the steps should be done."""
+    """Write the expected end of the preparation to the lock's file, for calls that wait."""
     os.ftruncate(lock, 0)
     os.pwrite(lock, f"{time.time() + sum(lengths.values()):.0f}".encode(), 0)
 
 
 def time_left(lock: int) -> float:
-    """Return how long the call with the lock should still take, s; 1 s where not known."""
+    """Return the expected time left of the call with the lock, s; 1 s if unknown."""
     try:
         return max(float(os.pread(lock, 32, 0)) - time.time(), 1.0)
     except ValueError:
@@ -562,7 +562,7 @@ NO_NETWORK = re.compile(
 
 
 def cause_of_failure(output: str) -> str:
-    """The line of a log that says best why a command failed."""
+    """Return the line of a log that best explains a failure."""
     missing = re.search(r"(?:satisfies the requirement|found for) (\S+)", output)
     if NO_NETWORK.search(output):
         what = f" (pip could not get {missing[1]})" if missing else ""
@@ -612,7 +612,7 @@ def run_logged(
 
 
 def relocate_cmake(share: Path, include: str, site_packages: str) -> int:
-    """Point the wheels' exported CMake targets at this machine's Python; returns file count."""
+    """Point the wheels' exported CMake targets at this machine's Python; return the file count."""
     build_machine = re.compile(
         r"/opt/python/cp\d+-cp\d+/(include/python3\.\d+|lib/python3\.\d+/site-packages)"
     )
@@ -623,7 +623,7 @@ def relocate_cmake(share: Path, include: str, site_packages: str) -> int:
             lambda match: include if match[1].startswith("include") else site_packages, text
         )
         if moved != text:
-            # a file of its own: uv links it to its cache
+            # replace the file, since uv hard-links it to its cache
             path.unlink()
             path.write_text(moved, encoding="utf-8")
             changed += 1
@@ -631,9 +631,9 @@ def relocate_cmake(share: Path, include: str, site_packages: str) -> int:
 
 
 def repair_scripts(install: Path, interpreter: Path) -> None:
-    """Let the shell start the node executables where a ``#!`` line cannot name the Python.
+    """Let the shell start the node executables if a ``#!`` line cannot hold the Python's path.
 
-    The system takes no blanks there and cuts long lines.
+    The system accepts no blanks there and cuts long lines.
     """
     start = f"#!{interpreter}"
     if " " not in start and len(start) < 127:
@@ -647,7 +647,7 @@ def repair_scripts(install: Path, interpreter: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, a link or a folder, if it is there."""
+    """Remove a file, a link or a folder, if it exists."""
     if path.is_symlink() or path.is_file():
         path.unlink()
     elif path.exists():
@@ -655,7 +655,7 @@ def remove(path: Path) -> None:
 
 
 def tool_environment(workspace: Workspace, environ: Mapping[str, str]) -> dict[str, str]:
-    """The environment of the tools that make the workspace."""
+    """Return the environment of the build tools."""
     result = workspace.environment(environ, build=True)
     if not workspace.ros:
         result.pop("PYTHONPATH", None)
@@ -663,7 +663,7 @@ def tool_environment(workspace: Workspace, environ: Mapping[str, str]) -> dict[s
 
 
 def index_of_pip(workspace: Workspace, environ: Mapping[str, str]) -> dict[str, str]:
-    """The package index that pip is told to use, for uv, which does not read pip's settings."""
+    """Return pip's package index for uv, which does not read pip's settings."""
     if "UV_DEFAULT_INDEX" in environ:
         return {}
     asked = subprocess.run(
@@ -681,7 +681,7 @@ def index_of_pip(workspace: Workspace, environ: Mapping[str, str]) -> dict[str, 
 def install(
     names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], lock: int
 ) -> None:
-    """Install lists of requirements into .venv: by uv, or by pip where uv cannot."""
+    """Install lists of requirements into .venv: by uv, or by pip if uv fails."""
     settings = tool_environment(workspace, environ)
     lists = [f"--requirements={lock_file(workspace.root, name)}" for name in names]
     options = ["--no-deps", "--require-hashes"]
@@ -690,7 +690,7 @@ def install(
     if uv.exists():
         command = [str(uv), "pip", "install", f"--python={python}"]
         if environ.get("PYTHONDONTWRITEBYTECODE"):
-            # else each start would compile what it imports
+            # else each start would compile its imports
             command.append("--compile-bytecode")
         try:
             by_uv = settings | index_of_pip(workspace, settings)
@@ -699,7 +699,7 @@ def install(
             say(f"{problem}; trying pip, which takes longer")
         else:
             return
-    # settings that would make pip install elsewhere
+    # drop settings by which pip would install elsewhere
     for name in ("PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_REQUIRE_VIRTUALENV"):
         settings.pop(name, None)
     settings |= {"PIP_USER": "0", "PIP_NO_INPUT": "1", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
@@ -709,7 +709,7 @@ def install(
 
 
 def add(names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
-    """Install what some verbs need besides."""
+    """Install additional lists of requirements."""
     kinds = {
         "solve.txt": "what the optimizer needs",
         "live.txt": "what the live page needs",
@@ -725,7 +725,7 @@ def add(names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], 
 
 
 def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Workspace:
-    """Make .venv from nothing."""
+    """Make .venv from scratch."""
     python, ros = base_python(), ""
     sourced = sourced_ros(root, environ)
     distro = environ.get("ROS_DISTRO", "")
@@ -781,7 +781,7 @@ def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Works
 
 
 def missing_interfaces(workspace: Workspace, environ: Mapping[str, str]) -> list[Path]:
-    """Those of `interfaces` that the ROS 2 in use lacks."""
+    """Return the `interfaces` that the ROS 2 in use lacks."""
     install = str(workspace.root / "install")
     found = split_path(environ.get("AMENT_PREFIX_PATH", ""))
     shares = [Path(prefix, "share") for prefix in found if not _below(prefix, [install])]
@@ -809,7 +809,7 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
         remove(root / "install")
     remove(stamp)
     build_environ = tool_environment(workspace, environ) | {
-        # no settings of the user, no pop-up at the end
+        # no user settings, no desktop notification
         "COLCON_HOME": str(root / "build" / ".colcon"),
         "COLCON_DEFAULTS_FILE": os.devnull,
         "COLCON_EXTENSION_BLOCKLIST": "colcon_core.event_handler.desktop_notification",
@@ -840,11 +840,11 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
 
 
 def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int, what: str) -> None:
-    """Compile kernels into a folder of their own and drop the outdated ones.
+    """Compile kernels into a folder of their own and drop outdated ones.
 
     Args:
-        workspace: with what flying needs installed.
-        environ: the user's.
+        workspace: with the requirements of flying installed.
+        environ: the user's environment.
         lock: descriptor of the lock.
         what: ALL_KERNELS or a law.
     """
@@ -860,7 +860,7 @@ def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int, wh
             "compiling the kernels",
         )
     except WorkspaceError as problem:
-        # whoever needs the kernels compiles them, or fails with the true reason
+        # the caller compiles the kernels on demand, or fails with the true reason
         say(f"{problem}; going on without")
         return
     kernel_stamp(folder, what).touch()
@@ -870,12 +870,12 @@ def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int, wh
 
 
 def kernel_stamp(folder: Path, what: str) -> Path:
-    """Stamp of compiled kernels: of all of them, or of a law's."""
+    """Return the path of the stamp of all kernels, or of a law's."""
     return folder / (".ready" if what == ALL_KERNELS else f".ready-{what}")
 
 
 def kernels_wanting(workspace: Workspace, environ: Mapping[str, str], what: str) -> bool:
-    """True if kernels are not compiled in the folder that this workspace uses."""
+    """Tell whether kernels are missing in the folder that this workspace uses."""
     folder = workspace.kernels
     if what == NO_KERNELS or workspace.environment(environ)["NUMBA_CACHE_DIR"] != str(folder):
         return False
@@ -885,9 +885,9 @@ def kernels_wanting(workspace: Workspace, environ: Mapping[str, str], what: str)
 
 
 def kernels_for(arguments: Sequence[str]) -> str:
-    """What of the kernels a call needs: ALL_KERNELS, NO_KERNELS or the name of a law."""
+    """Return the kernels that a call needs: ALL_KERNELS, NO_KERNELS or the name of a law."""
     verb = arguments[0] if arguments else ""
-    # a check flies by the law of its bag, most likely the first
+    # a check flies the law of its bag, most likely FIRST_LAW
     checks = verb == "replay" and "--check" in arguments
     if verb in FEW_KERNELS and not checks:
         return NO_KERNELS
@@ -898,7 +898,7 @@ def kernels_for(arguments: Sequence[str]) -> str:
 
 
 def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
-    """Which lists of requirements a call needs besides those of a plain flight."""
+    """Return the lists of requirements that a call needs in addition to those of a plain flight."""
     verb = arguments[0] if arguments else ""
     if verb == "fly":
         solved = any(map(SOLVED_FOR.fullmatch, arguments))
@@ -913,22 +913,22 @@ def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
 def prepare(
     root: Path, environ: Mapping[str, str], kernels: str, also: Sequence[str] = ()
 ) -> Workspace:
-    """Make whatever is missing or out of date.
+    """Make everything that is missing or out of date.
 
     Args:
         root: top of the project.
         environ: the user's environment.
-        kernels: which to compile: ALL_KERNELS, NO_KERNELS or the name of a law.
-        also: lists of requirements that flying does not need.
+        kernels: to compile: ALL_KERNELS, NO_KERNELS or the name of a law.
+        also: additional lists of requirements.
 
     Raises:
-        WorkspaceError: something needed is missing, or a step failed.
+        WorkspaceError: a prerequisite is missing, or a step failed.
     """
     workspace = prepared_environment(root, environ)
     if workspace and not steps_to_do(workspace, environ, kernels, also):
         return workspace
     with preparation_lock(root) as lock:
-        # what another call has made meanwhile counts
+        # another call may have prepared it meanwhile
         workspace = prepared_environment(root, environ)
         lengths = steps_to_do(workspace, environ, kernels, also)
         if workspace and not lengths:
@@ -952,7 +952,7 @@ def prepare(
 def steps_to_do(
     workspace: Workspace | None, environ: Mapping[str, str], kernels: str, also: Sequence[str]
 ) -> dict[str, float]:
-    """Which steps a preparation has, and how long each takes, s; arguments as of `prepare`."""
+    """Return the steps due with their durations, s; arguments as for `prepare`."""
     due = {
         PACKAGES: not workspace,
         ADDITIONS: bool(missing_additions(workspace, also) if workspace else also),
@@ -971,7 +971,7 @@ def make(
     lock: int,
     steps: Steps,
 ) -> Workspace:
-    """Do the steps that are due; arguments as of `prepare`."""
+    """Do the steps that are due; arguments as for `prepare`."""
     with ThreadPoolExecutor(1) as beside:
         workspace = prepared_environment(root, environ)
         if not workspace:
@@ -1011,19 +1011,19 @@ NO_BROWSER = (
 
 
 def find_browser(environ: Mapping[str, str]) -> str | None:
-    """Path of the first browser that there is."""
+    """Return the path of the first browser found."""
     path = environ.get("PATH", os.defpath)
     return next(filter(None, (shutil.which(name, path=path) for name in BROWSERS)), None)
 
 
 def debian_packages(root: Path) -> list[str]:
-    """Names in requirements/apt.list."""
+    """Return the names in requirements/apt.list."""
     lines = (root / "requirements" / "apt.list").read_text(encoding="utf-8").splitlines()
     return [line for line in lines if line and not line.startswith("#")]
 
 
 def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
-    """Say what to install where no browser is found; the administrator gets it installed."""
+    """Print what to install if no browser is found; as root, install it."""
     if find_browser(environ):
         return
     if os.geteuid() != 0 or not shutil.which("apt-get", path=environ.get("PATH", os.defpath)):
@@ -1047,7 +1047,7 @@ def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
 
 
 def print_environment(workspace: Workspace, environ: Mapping[str, str]) -> None:
-    """Print what a shell must evaluate to be in the prepared environment."""
+    """Print shell code that enters the prepared environment."""
     target = workspace.environment(environ)
     for name in sorted(set(environ) - set(target)):
         print(f"unset {name}")
@@ -1057,13 +1057,12 @@ def print_environment(workspace: Workspace, environ: Mapping[str, str]) -> None:
 
 
 def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Sequence[str]) -> int:
-    """Run the linters, the type checker and the tests; returns the exit status.
+    """Run the linters, the type checker and the tests; return the exit status.
 
-    pytest runs even if a linter objects. The type checker works beside it, where a processor
-    is free now and then, and says what it found in the end.
+    pytest runs even if a linter fails. The type checker runs beside it and reports at the end.
     """
     environment = workspace.environment(environ)
-    # else each of some hundred processes, and each worker, would compile what it imports
+    # else each of some hundred processes, and each worker, would compile its imports
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
 
     def begin(*options: str, stdout: int | None = None) -> subprocess.Popen[str]:
@@ -1082,7 +1081,7 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
         say(f"failed: {', '.join(failed)}; this run fails whatever the tests say")
     say("running the tests, and mypy beside them")
     with begin("mypy", stdout=subprocess.PIPE) as types:
-        # many a test waits for a flight to go by: three keep two cores busy
+        # many tests wait for a flight: three workers keep two cores busy
         status = begin("pytest", "--numprocesses=3", "--dist=worksteal", *arguments).wait()
         found, _ = types.communicate()
     say(f"mypy: {found.strip()}")
@@ -1090,7 +1089,7 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
 
 
 def version(root: Path) -> str:
-    """Read the version of the command line, for which nothing need be installed.
+    """Read the version of the command line without importing it.
 
     Raises:
         WorkspaceError: there is none.
@@ -1103,22 +1102,22 @@ def version(root: Path) -> str:
 
 
 def list_verbs() -> str:
-    """List the verbs of the workspace, for the help."""
+    """List the verbs of the workspace for the help."""
     rows = (f"  {f'{verb} {follows}':<17}  {does}" for verb, (follows, does) in VERBS.items())
     return "\n".join(["", "Workspace:", *rows, ""])
 
 
 def answer_at_once(arguments: Sequence[str]) -> int | None:
-    """Answer what nothing has to be prepared for: help, version, words that no verb knows.
+    """Answer a call that needs no preparation: help, version, unknown words.
 
     Args:
         arguments: the call.
 
     Returns:
-        Its exit status; None if it is no such call.
+        Its exit status; None if the call needs a preparation.
 
     Raises:
-        WorkspaceError: the call cannot be; one line.
+        WorkspaceError: the call is invalid; one line.
     """
     verb, rest = (arguments[0], arguments[1:]) if arguments else ("", ())
     if list(arguments) == ["--version"]:
@@ -1139,12 +1138,12 @@ def answer_at_once(arguments: Sequence[str]) -> int | None:
 
 
 def show(text: str) -> int:
-    """Print a text; returns the exit status."""
+    """Print a text; return the exit status."""
     try:
         print(text, end="", flush=True)
     except OSError as problem:
         if not isinstance(problem, BrokenPipeError):
-            # else the reader has gone
+            # EPIPE means that the reader has gone
             say(f"standard output cannot be written: {problem.strerror}")
         if sys.stdout is not None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -1153,7 +1152,7 @@ def show(text: str) -> int:
 
 
 def keep_standard_streams() -> None:
-    """Open those that are closed on nothing: their numbers would go to files that are opened."""
+    """Open closed standard streams on /dev/null, so that no other file gets their descriptors."""
     for number in (0, 1, 2):
         try:
             os.fstat(number)
@@ -1162,7 +1161,7 @@ def keep_standard_streams() -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Run one call of ``./ares``; returns the exit status unless another program takes over."""
+    """Run one call of ``./ares``; return the exit status unless another program takes over."""
     keep_standard_streams()
     if sys.version_info[:2] not in PYTHONS:
         raise WorkspaceError(

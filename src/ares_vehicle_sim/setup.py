@@ -26,7 +26,7 @@ setup(
         "pydantic>=2.5",
     ],
     extras_require={
-        # what solves and what is drawn; no plain flight needs it
+        # for solving and for draws; a plain flight does not need it
         "solve": ["scipy>=1.13"],
         "test": ["pytest"],
     },

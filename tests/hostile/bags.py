@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags: cut, flipped, overwritten; and bags with right checksums over hostile contents."""
+"""Bags: cut, flipped, overwritten; and bags with correct checksums over hostile contents."""
 
 import contextlib
 import io
@@ -35,7 +35,7 @@ _ODD = b"# odd messages\n"
 
 
 class _Bag(Target):
-    """A bag that is written anew for each input."""
+    """Write a new bag for each input."""
 
     def __init__(self) -> None:
         self._folder = Path()
@@ -65,7 +65,7 @@ def _content(bag: Bag) -> list[tuple[str, int, bytes]]:
 
 
 def _read_all(bag: Bag) -> None:
-    """What plots, reports and exports read of a bag."""
+    """Read a bag as plots, reports and exports do."""
     for topic in bag.topics:
         with contextlib.suppress(BagError):
             bag.columns(topic)
@@ -115,7 +115,7 @@ def _examined(path: Path, folder: Path) -> tuple[str, list[Any] | None, list[str
 
 
 class DamagedBags(_Bag):
-    """A bag of the recorder with bytes wrong or missing: never called whole, nothing invented."""
+    """Damage a recorder's bag: it must not pass as whole, and nothing may be invented."""
 
     name = "damaged bags"
     share = 1.0
@@ -155,7 +155,7 @@ class DamagedBags(_Bag):
 
 
 class ForgedBags(_Bag):
-    """Bags that are well-formed as MCAP, and hostile in all that they say."""
+    """Write bags that are valid MCAP with hostile contents."""
 
     name = "forged bags"
     share = 0.5
@@ -233,16 +233,16 @@ def _qos(good: str, random: Random) -> str:
 
 
 class BagCommands(_Bag):
-    """What `ares` does with a bag of a flight that was damaged, or that holds odd messages."""
+    """Run `ares` verbs on a bag of a flight that is damaged or holds odd messages."""
 
     name = "commands on bags"
     share = 0.05
 
     def __init__(self, reference: Path) -> None:
-        """Take a bag of a flight.
+        """Set the bag of a flight.
 
         Args:
-            reference: a small one.
+            reference: a small bag.
         """
         super().__init__()
         self._reference = reference
@@ -266,7 +266,7 @@ class BagCommands(_Bag):
         return content + _END + self._metadata
 
     def _recorded(self, random: Random) -> bytes:
-        """A whole bag, some of whose messages no flight has."""
+        """Write a whole bag with some messages that no flight has."""
         # named as it will be, which its metadata tell
         made = self._folder / "made" / "flight"
         shutil.rmtree(made, ignore_errors=True)
@@ -305,7 +305,7 @@ class BagCommands(_Bag):
 
 
 def commanded(*argv: str) -> tuple[int, str]:
-    """Exit status of a command, and what it said on standard error."""
+    """Run a command; return its exit status and standard error."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         status = main(list(argv))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that people write: missions, dispersions, parameters; and the names they are found by."""
+"""Files that people write: missions, dispersions, parameters; and their names."""
 
 import os
 import shutil
@@ -26,10 +26,10 @@ TAKEN = "taken"
 
 
 class _File(Target):
-    """A file that is written anew for each input.
+    """Write a new file for each input.
 
     Attributes:
-        good: texts of good files.
+        good: texts of valid files.
     """
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class _File(Target):
 
 
 def _finite(name: str, record: Any, *, may_be: tuple[str, ...] = ()) -> None:
-    """Every number of a structured array is a number, but for some fields."""
+    """Assert that no number of a structured array is NaN, except in some fields."""
     for field in record.dtype.names or ():
         inner = record[field]
         if inner.dtype.names:
@@ -80,7 +80,7 @@ def _of(kind: InputKind) -> list[str]:
 
 
 class MissionFiles(_File):
-    """Missions: what is taken has numbers in all its arrays, and flies to an end that has."""
+    """Try missions: an accepted one has numbers in all arrays, and flies to an end with numbers."""
 
     name = "mission files"
     share = 1.0
@@ -125,7 +125,7 @@ def _flown(mission: Mission) -> str:
 
 
 class DispersionFiles(_File):
-    """Dispersions: what is taken gives a vehicle of numbers."""
+    """Try dispersions: accepted ones give a vehicle of numbers."""
 
     name = "dispersion files"
     share = 1.0
@@ -166,7 +166,7 @@ guidance:
 
 
 class ParameterFiles(_File):
-    """ROS parameter files, as a launch reads them before it starts anything."""
+    """Try ROS parameter files, as a launch reads them before it starts anything."""
 
     name = "parameter files"
     share = 0.5
@@ -186,7 +186,7 @@ class ParameterFiles(_File):
 
 
 class Names(Target):
-    """Names and paths of missions and dispersions: devices, pipes, folders, tricks."""
+    """Try names and paths of missions and dispersions: devices, pipes, folders, tricks."""
 
     name = "names of files"
     share = 0.3

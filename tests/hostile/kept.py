@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What several runs have come to, in one file: which inputs, on which code, and what came of them.
+"""Results of several runs in one file: inputs, code, outcomes.
 
 No input counts twice: a run that gives a target inputs of a seed that it has had is refused.
 """
@@ -19,7 +19,7 @@ _CODE = ("src", "tests/hostile")
 
 
 def code(root: Path) -> str:
-    """The commit of a clone; with a mark where what is measured has been changed since."""
+    """Return the commit of a clone, with a mark if the code under test has changed since."""
 
     def git(*words: str) -> str:
         done = subprocess.run(
@@ -32,7 +32,7 @@ def code(root: Path) -> str:
 
 
 def load(path: Path) -> list[dict[str, Any]]:
-    """The runs of a file; none where there is no file."""
+    """Return the runs of a file; empty without a file."""
     if not path.exists():
         return []
     runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["runs"]
@@ -40,7 +40,7 @@ def load(path: Path) -> list[dict[str, Any]]:
 
 
 def same_inputs(runs: list[dict[str, Any]], seed: int, targets: list[str]) -> list[str]:
-    """Those of some targets that have had inputs of a seed."""
+    """Return the targets that have already had the inputs of a seed."""
     return [
         name
         for name in targets
@@ -49,7 +49,7 @@ def same_inputs(runs: list[dict[str, Any]], seed: int, targets: list[str]) -> li
 
 
 def figures(runs: list[dict[str, Any]]) -> list[dict[str, str | float]]:
-    """All runs together, as benchmarks keep it."""
+    """Combine all runs in the format of benchmark results."""
     inputs: Counter[str] = Counter()
     on: Counter[str] = Counter()
     failed: Counter[str] = Counter()

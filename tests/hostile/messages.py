@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile messages of any class: good ones with some fields changed, as bytes and back."""
+"""Hostile messages of any class: valid ones with some fields changed, as bytes and back."""
 
 import re
 from collections.abc import Sequence
@@ -85,21 +85,21 @@ def change(message: Any, random: Random, kept: Sequence[str] = ()) -> None:
 
 
 def hostile(message: Any, random: Random, kept: Sequence[str] = ()) -> bytes:
-    """A message with some fields changed, as CDR."""
+    """Change some fields of a message; return it as CDR."""
     change(message, random, kept)
     return bytes(serialize_message(message))
 
 
 def hostile_raw(message: Any, random: Random, kept: Sequence[str] = ()) -> bytes:
-    """The same, now and then with bytes that are no such message."""
+    """Do the same, in one case of five with damaged bytes."""
     data = hostile(message, random, kept)
     return changed(data, random) if random.random() < 0.2 else data
 
 
 def heard(kind: Any, data: bytes) -> Any:
-    """The message of some CDR; None if it is none, which the middleware drops."""
+    """Deserialize CDR; None if invalid, which the middleware drops."""
     try:
         return deserialize_message(data, kind)
     except Exception:
-        # rclpy's own, in C
+        # rclpy raises errors of several types
         return None

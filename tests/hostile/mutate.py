@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile bytes, texts, numbers and YAML, made of good ones."""
+"""Hostile bytes, texts, numbers and YAML, made from valid ones."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -130,7 +130,7 @@ _YAML = (
 
 
 def bomb(random: Random) -> str:
-    """YAML that grows when its aliases are followed."""
+    """Write YAML that grows when its aliases are expanded."""
     depth, width = random.randint(3, 12), random.randint(2, 12)
     lines = ["a0: &a0 [x" + ", x" * width + "]"]
     lines += [f"a{k}: &a{k} [*a{k - 1}" + f", *a{k - 1}" * width + "]" for k in range(1, depth + 1)]
@@ -138,7 +138,7 @@ def bomb(random: Random) -> str:
 
 
 def number(random: Random, near: float = 1.0) -> float:
-    """A number: odd, at random, or near to a good one."""
+    """Draw a number: odd, random, or close to a valid one."""
     kind = random.random()
     if kind < 0.3:
         return random.choice(NUMBERS)
@@ -150,7 +150,7 @@ def number(random: Random, near: float = 1.0) -> float:
 
 
 def text(random: Random) -> str:
-    """A text: odd, or of odd characters."""
+    """Draw a text: odd, or of odd characters."""
     if random.random() < 0.7:
         return random.choice(TEXTS)
     letters = random.choice(
@@ -210,7 +210,7 @@ _ON_BYTES: Sequence[Callable[[bytes, Random], bytes]] = (
 
 
 def changed(data: bytes, random: Random) -> bytes:
-    """Bytes with a few things wrong."""
+    """Damage bytes in a few places."""
     for _ in range(random.choice((1, 1, 1, 2, 4))):
         data = random.choice(_ON_BYTES)(data, random)
     return data
@@ -247,7 +247,7 @@ def _scalar_text(value: str, random: Random) -> str:
 
 
 def yaml_text(good: str, random: Random) -> bytes:
-    """A YAML file with something wrong in its text."""
+    """Damage the text of a YAML file."""
     kind = random.random()
     if kind < 0.02:
         return bomb(random).encode()
@@ -266,7 +266,7 @@ def yaml_text(good: str, random: Random) -> bytes:
 
 
 def _places(value: Any, found: list[tuple[Any, Any]]) -> list[tuple[Any, Any]]:
-    """Containers and keys of everything inside a value."""
+    """Collect containers and keys of everything inside a value."""
     keys = value.keys() if isinstance(value, dict) else range(len(value))
     for key in keys:
         found.append((value, key))
@@ -284,7 +284,7 @@ def _any_value(value: Any, random: Random) -> Any:
 
 
 def yaml_structure(good: Any, random: Random) -> bytes:
-    """A YAML file with other values, keys or lists; `good` is changed on the way."""
+    """Change values, keys or lists of a YAML file; `good` is modified."""
     for _ in range(random.choice((1, 1, 1, 2, 3, 6))):
         places = _places(good, [])
         if not places:

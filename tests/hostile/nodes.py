@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every message callback of every node, called as the middleware would, without a network.
+"""Every message callback of every node, called as by the middleware, without a network.
 
 An input is the number of a callback and the CDR of a message for it.
 """
@@ -74,7 +74,7 @@ MISSION = "ares_v"
 
 @dataclass(frozen=True)
 class Call:
-    """A callback: what it takes, how, and fields that a message for it mostly keeps."""
+    """Hold a callback: its message class, its mode, and fields that usually keep their values."""
 
     kind: Any
     good: Callable[[], Any]
@@ -84,7 +84,7 @@ class Call:
 
 
 class NodeTarget(Target):
-    """A node, its callbacks, and a look now and then at what has become of it."""
+    """Call a node's callbacks, and check the node at intervals."""
 
     stateful = True
     #: Inputs between looks.
@@ -112,7 +112,7 @@ class NodeTarget(Target):
         self._held = ExitStack()
 
     def node(self, kind: Callable[..., FlightNode], **parameters: object) -> Any:
-        """A node that works."""
+        """Start a node; return it active."""
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         node = kind(context=self.context, parameter_overrides=overrides)
         self._held.callback(node.destroy_node)
@@ -130,7 +130,7 @@ class NodeTarget(Target):
         """Make the node; what can be called."""
 
     def look(self) -> None:
-        """What a timer would do, and whether all is well."""
+        """Run the node's timers and check its state."""
 
     def make(self, random: Random) -> bytes:
         number = random.randrange(len(self.calls))
@@ -213,7 +213,7 @@ def _timing(random: Random) -> Timing:
 
 
 class Flight:
-    """States and answers as of a real flight, one after the other."""
+    """Make states and commands of a real flight, one after the other."""
 
     def __init__(self) -> None:
         self._random = Random(1)
@@ -294,7 +294,7 @@ class Flight:
 
 
 class SimulatorCallbacks(NodeTarget):
-    """Commands and words of members to the simulator, before, in and after a flight."""
+    """Send commands and announcements to the simulator, before, during and after a flight."""
 
     name = "simulator"
     share = 15.0
@@ -353,7 +353,7 @@ class SimulatorCallbacks(NodeTarget):
 
 
 class GuidanceCallbacks(NodeTarget):
-    """Navigation states and words of members to guidance, before and in a flight."""
+    """Send navigation states and announcements to guidance, before and during a flight."""
 
     name = "guidance"
     share = 16.0
@@ -394,14 +394,14 @@ class GuidanceCallbacks(NodeTarget):
 
 
 class Recording(NodeTarget):
-    """Raw messages to the recorder; what it has taken is in a bag that is whole."""
+    """Send raw messages to the recorder; its bag must be whole."""
 
     name = "recorder"
     share = 12.0
 
     def set_up(self) -> Sequence[Call]:
         self._bag = self.folder / "flight"
-        # what a flight is said to lack is waited for, and never comes here
+        # announced messages would be awaited, but never come here
         self._held.enter_context(patch("ares_bags.recorder.DRAIN_LIMIT", 0.01))
         self._held.enter_context(patch("ares_bags.recorder.QUIET_TIME", 0.0))
         self._node = self.node(RecorderNode, bag=str(self._bag), flight_id=FLIGHT)
@@ -444,7 +444,7 @@ def _must_be_a_line(text: str) -> None:
 
 
 class Judging(NodeTarget):
-    """Events, status, diagnostics, timing and members to the judge; its summary can be printed."""
+    """Send events, status, diagnostics, timing, announcements to the judge; print its summary."""
 
     name = "judge"
     share = 12.0
@@ -495,7 +495,7 @@ class Judging(NodeTarget):
 
 
 class Viewing(NodeTarget):
-    """States, events, members and diagnostics to the view."""
+    """Send states, events, announcements and diagnostics to the view."""
 
     name = "view"
     share = 10.0
@@ -519,7 +519,7 @@ class Viewing(NodeTarget):
         return calls
 
     def view(self) -> Any:
-        """The node."""
+        """Start the view node."""
         return self.node(ViewNode, mission=MISSION)
 
     def look(self) -> None:
@@ -528,7 +528,7 @@ class Viewing(NodeTarget):
 
 
 class Forwarding(Viewing):
-    """The same to a view that sends all of it on, and more, to Foxglove."""
+    """Send the same to a view with a Foxglove server."""
 
     name = "view for Foxglove"
     share = 3.0
@@ -541,7 +541,7 @@ class Forwarding(Viewing):
 
 
 class OnTerminal(NodeTarget):
-    """States to the picture on the terminal, and to the judge what else it shows."""
+    """Send states to the terminal view, and to the judge what else it shows."""
 
     name = "terminal"
     share = 0.8
@@ -573,7 +573,7 @@ class OnTerminal(NodeTarget):
 
 
 class LivePage(NodeTarget):
-    """States, status, events, members, diagnostics and timing to the live page."""
+    """Send states, status, events, announcements, diagnostics and timing to the live page."""
 
     name = "live page"
     share = 12.0

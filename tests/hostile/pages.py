@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes to the server of the live page over its socket: HTTP, WebSocket frames, neither."""
+"""Input to the server of the live page over its socket: HTTP, WebSocket frames, neither."""
 
 import json
 import logging
@@ -56,7 +56,7 @@ def _shake(host: str, origin: str) -> bytes:
 
 
 def _frame(payload: bytes, random: Random) -> bytes:
-    """A frame of a client, most of them as they should be."""
+    """Make a client's frame, usually a valid one."""
     first = random.choice((0x81, 0x81, 0x81, 0x82, 0x01, 0x80, 0x88, 0x89, 0x8A, 0xF1, 0x8F, 0xC1))
     length = len(payload)
     told = random.choice((length, length, length, length, 2**63, 2**64 - 1, 70_000, 0))
@@ -74,7 +74,7 @@ def _frame(payload: bytes, random: Random) -> bytes:
 
 
 def command(random: Random) -> str:
-    """What a page may say, or nearly."""
+    """Make a command of a page, valid or nearly so."""
     kind = random.random()
     if kind < 0.2:
         return random.choice(('{"command": "pause"}', '{"command": "play"}'))
@@ -88,7 +88,7 @@ def command(random: Random) -> str:
 
 
 class Commands(Target):
-    """Texts that a page says: a command in its range, or one line why not."""
+    """Try texts of a page: each is a command in its range, or refused in one line."""
 
     name = "commands of a page"
     share = 11.0
@@ -109,7 +109,7 @@ class Commands(Target):
 
 
 class _Complaints(logging.Handler):
-    """What the server's library logs, which a user would see as a traceback."""
+    """Collect what the server's library logs, which users would see as tracebacks."""
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
@@ -120,7 +120,7 @@ class _Complaints(logging.Handler):
 
 
 class Sockets(Target):
-    """Connections to the server: it answers or hangs up, and then still serves the page."""
+    """Connect to the server: it answers or hangs up, and still serves the page."""
 
     name = "socket of the page"
     share = 1.0
@@ -155,7 +155,7 @@ class Sockets(Target):
     def host(self) -> str:
         """Name and port, as a browser writes them."""
         assert self._server is not None
-        return f"{LOOPBACK}:{self._server.door.port}"
+        return f"{LOOPBACK}:{self._server.access.port}"
 
     def make(self, random: Random) -> bytes:
         # the port of the run stands in its requests as a word
@@ -184,7 +184,7 @@ class Sockets(Target):
         # by the input itself, so that it can be done again
         manner = zlib.crc32(data) % 8
         begun = time.monotonic()
-        with socket.create_connection((LOOPBACK, self._server.door.port), _PATIENCE) as line:
+        with socket.create_connection((LOOPBACK, self._server.access.port), _PATIENCE) as line:
             line.settimeout(_PATIENCE)
             try:
                 half = len(data) // 2
@@ -217,7 +217,7 @@ class Sockets(Target):
     def _still_serves(self) -> None:
         assert self._server is not None
         self._obeyed.clear()
-        with socket.create_connection((LOOPBACK, self._server.door.port), _PATIENCE) as line:
+        with socket.create_connection((LOOPBACK, self._server.access.port), _PATIENCE) as line:
             line.settimeout(_PATIENCE)
             line.sendall(f"GET / HTTP/1.0\r\nHost: {self.host}\r\n\r\n".encode())
             check(line.recv(20).startswith(b"HTTP/1.1 200"), "the page is not served any more")

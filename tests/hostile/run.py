@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loop: inputs by number from a seed, what came of them, and each failing one as a file."""
+"""The loop: numbered inputs from a seed, their outcomes, and each failing one in a file."""
 
 import faulthandler
 import resource
@@ -35,23 +35,23 @@ _LENGTH = Struct("<I")
 
 
 def queued() -> float:
-    """Time in s for which this thread, could it have run, has had no processor."""
+    """Return the time in s for which this thread was runnable without a processor."""
     return int(Path("/proc/thread-self/schedstat").read_text().split()[1]) / 1e9
 
 
 def memory() -> int:
-    """Resident memory of this process, bytes."""
+    """Return the resident memory of this process, bytes."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize()
 
 
 def pack(inputs: Iterable[bytes]) -> bytes:
-    """Inputs in a row as one file."""
+    """Join inputs to one file."""
     return b"".join(_LENGTH.pack(len(data)) + data for data in inputs)
 
 
 def unpack(data: bytes) -> Iterator[bytes]:
-    """Inputs of a file."""
+    """Yield the inputs of a file."""
     at = 0
     while at < len(data):
         (length,) = _LENGTH.unpack_from(data, at)
@@ -62,12 +62,12 @@ def unpack(data: bytes) -> Iterator[bytes]:
 
 @dataclass
 class Account:
-    """What has come of the inputs of one target.
+    """Count the outcomes of one target's inputs.
 
     Attributes:
-        inputs: how many.
-        outcomes: by word.
-        failures: by their text, how often.
+        inputs: number of inputs.
+        outcomes: counts by word.
+        failures: counts by text.
         slowest_s: CPU time of the slowest input.
         seconds: wall time of all.
     """
@@ -79,7 +79,7 @@ class Account:
     seconds: float = 0.0
 
     def as_json(self) -> dict[str, object]:
-        """For a file."""
+        """Return the account for a file."""
         return {
             "inputs": self.inputs,
             "outcomes": dict(self.outcomes.most_common()),
@@ -90,19 +90,19 @@ class Account:
 
 
 class Run:
-    """Inputs for some targets, in turn.
+    """Run inputs on some targets in turn.
 
     Attributes:
         accounts: by name of the target.
     """
 
     def __init__(self, targets: Sequence[Target], seed: int, folder: Path) -> None:
-        """Nothing yet.
+        """Start without inputs.
 
         Args:
-            targets: entered already.
+            targets: already entered.
             seed: of all inputs.
-            folder: where failing inputs are kept.
+            folder: for failing inputs.
         """
         self.targets = targets
         self.accounts = {target.name: Account() for target in targets}
@@ -115,18 +115,18 @@ class Run:
 
     @property
     def inputs(self) -> int:
-        """How many there have been."""
+        """Return the number of inputs so far."""
         return sum(account.inputs for account in self.accounts.values())
 
     @property
     def failures(self) -> int:
-        """How many of them brought about what must not be; growth counts as one."""
+        """Return the number of failures; growth counts as one."""
         failed = sum(account.failures.total() for account in self.accounts.values())
         return failed + (self.grown > MOST_GROWTH)
 
     @property
     def grown(self) -> int:
-        """Bytes that the process has grown by since it has seen WARM inputs, but for those kept."""
+        """Return the growth of the process since WARM inputs, bytes, without the inputs kept."""
         return 0 if self._settled is None else memory() - self._kept - self._settled
 
     @property
@@ -134,18 +134,18 @@ class Run:
         return sum(len(data) for before in self._before.values() for data in before)
 
     def input(self, target: Target, number: int) -> bytes:
-        """Input of a number."""
+        """Make the input of a number."""
         return target.make(Random(f"{self._seed} {target.name} {number}"))
 
     def round(self, inputs: int = ROUND) -> None:
-        """Some inputs for each target, by its share."""
+        """Run inputs on each target, by its share."""
         for target in self.targets:
             self.block(target, max(1, round(inputs * target.share / 100.0)))
         if self._settled is None and self.inputs >= WARM:
             self._settled = memory() - self._kept
 
     def block(self, target: Target, count: int) -> None:
-        """Some inputs for a target; the next ones by number."""
+        """Run the next `count` inputs on a target."""
         account = self.accounts[target.name]
         for k in range(count):
             if k % WATCHED == 0:
@@ -191,7 +191,7 @@ class Run:
         (self._folder / f"{name}.txt").write_text(f"{text}\n\n{trace}", encoding="utf-8")
 
     def as_json(self) -> dict[str, object]:
-        """What has come of it so far, for a file."""
+        """Return the results so far for a file."""
         return {
             "seed": self._seed,
             "grown_mib": round(self.grown / 2**20, 1),
@@ -201,7 +201,7 @@ class Run:
 
 
 def _where(error: Exception) -> str:
-    """An exception and the place in the project that raised it, without what differs each time."""
+    """Describe an exception and its place in the project, without varying details."""
     steps = traceback.extract_tb(error.__traceback__)
     ours = [
         step for step in steps if "/ares_" in step.filename and "/hostile/" not in step.filename

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is set of nodes, by whoever may: parameters, and failures that are written as texts."""
+"""Settings of nodes by anybody: parameters, and failures written as texts."""
 
 import contextlib
 import io
@@ -30,7 +30,7 @@ from hostile.target import Target, check, one_line
 
 
 def failure_text(random: Random) -> str:
-    """A failure as it is written, or nearly."""
+    """Write a failure, valid or nearly so."""
     kind = random.choice(list(KEYS))
     values = {"arc": 1.0, "jettison": 0.0, "time": 300.0}
     items = []
@@ -47,7 +47,7 @@ def failure_text(random: Random) -> str:
 
 
 class FailureTexts(Target):
-    """Failures of `--failure`: one that is taken is flown to numbers."""
+    """Try texts of `--failure`: an accepted one is flown to numbers."""
 
     name = "failures"
     share = 0.65
@@ -82,7 +82,7 @@ _NODES = (
 
 
 class Parameters(NodeTarget):
-    """Parameters of each node, as its service takes them; a simulator then starts with them."""
+    """Set parameters of each node by its service; a simulator then starts with them."""
 
     name = "parameters"
     share = 1.0

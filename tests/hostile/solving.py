@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimizer: what it is asked, and what guidance makes of its answers."""
+"""The optimizer: requests to it, and guidance's use of its answers."""
 
 import contextlib
 import io
@@ -34,7 +34,7 @@ _SHARES = (1.0, 1.0, 1.0, 0.0, -1.0, 1e-30, 1e-3, 0.5, 1.1, 1e3)
 
 
 def flies(steering: Any) -> bool:
-    """Whether a direction that is no unit vector is flown by the simulator."""
+    """Tell whether the simulator accepts a direction that is no unit vector."""
     if abs(math.hypot(*steering[0]["direction"]) - 1.0) < UNIT_TOLERANCE:
         return False
     try:
@@ -45,7 +45,7 @@ def flies(steering: Any) -> bool:
 
 
 class OptimizerAnswers(NodeTarget):
-    """Answers of an optimizer to guidance: each law starts from one, or says why it does not."""
+    """Give optimizer's answers to guidance: each law starts from one, or states why not."""
 
     name = "answers of an optimizer"
     share = 1.0
@@ -74,7 +74,7 @@ class OptimizerAnswers(NodeTarget):
         node._answers.request(self._state)
         node._asked = now
         node._wants_guess = True
-        node._take_guess(answer, now)
+        node._use_guess(answer, now)
         if not node._wants_guess:
             node._answers.step(now, measured)
             if node._law.steered and flies(node._law.steering):
@@ -83,7 +83,7 @@ class OptimizerAnswers(NodeTarget):
 
 
 def odd_state(mission: Mission, random: Random) -> NavState:
-    """A navigation state that no flight of a mission comes to, though its numbers are sound."""
+    """Make a navigation state of valid numbers that no flight of a mission reaches."""
     arrays, start = mission.arrays(), mission.start()
     arc = random.randrange(len(arrays.arcs))
     stack = float(arrays.arcs[arc]["stack_mass"])
@@ -108,7 +108,7 @@ def odd_state(mission: Mission, random: Random) -> NavState:
 
 
 class Requests(Target):
-    """Requests of the optimizer, answered in time or refused with a reason."""
+    """Send requests to the optimizer: answered in time, or refused with a reason."""
 
     name = "optimizer"
     share = 0.1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is fuzzed: something that takes bytes, and what must never come of it."""
+"""Targets of fuzzing: consumers of bytes, and results that must never occur."""
 
 from abc import ABC, abstractmethod
 from random import Random
@@ -8,7 +8,7 @@ from typing import Self
 
 
 class Broken(Exception):
-    """What no input may bring about; the text is one line."""
+    """Report in one line a result that no input may cause."""
 
 
 def check(holds: bool, words: str) -> None:
@@ -18,10 +18,10 @@ def check(holds: bool, words: str) -> None:
 
 
 def one_line(text: str) -> str:
-    """The text of a refusal.
+    """Return the text of a refusal, checked.
 
     Raises:
-        Broken: it is not one line for a person.
+        Broken: it is not one readable line.
     """
     good = bool(text) and text.isprintable() and "Traceback" not in text and "pydantic" not in text
     check(good, f"not one clear line: {text[:300]!r}")
@@ -29,12 +29,12 @@ def one_line(text: str) -> str:
 
 
 class Target(ABC):
-    """Something that takes inputs. A context: it may hold files, nodes or a server.
+    """Take inputs. A context manager, which may hold files, nodes or a server.
 
     Attributes:
         name: of the target.
-        stateful: what came before an input counts, until `begin` is called again.
-        share: of all inputs, per cent: more where one is cheap.
+        stateful: earlier inputs have effects, until `begin` is called again.
+        share: of all inputs, percent: more for cheap ones.
     """
 
     name = ""
@@ -42,7 +42,7 @@ class Target(ABC):
     share = 0.0
 
     def __enter__(self) -> Self:
-        """Get ready for inputs."""
+        """Prepare for inputs."""
         self.begin()
         return self
 
@@ -63,7 +63,7 @@ class Target(ABC):
 
     @abstractmethod
     def make(self, random: Random) -> bytes:
-        """An input."""
+        """Make an input."""
 
     @abstractmethod
     def run(self, data: bytes) -> str:

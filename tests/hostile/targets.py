@@ -23,10 +23,10 @@ from hostile.words import CommandLines
 
 
 def all_targets(bag: Path) -> list[Target]:
-    """One of each.
+    """Make one of each target.
 
     Args:
-        bag: a small one, of a flight.
+        bag: a small bag of a flight.
     """
     return [
         MissionFiles(),

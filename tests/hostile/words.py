@@ -40,7 +40,7 @@ _WORK = (
 
 
 class _Good(CannotStart):
-    """The words were taken."""
+    """Report that the words were accepted."""
 
 
 def _taken(*_words: Any, **_more: Any) -> NoReturn:
@@ -48,7 +48,7 @@ def _taken(*_words: Any, **_more: Any) -> NoReturn:
 
 
 class CommandLines(Target):
-    """Command lines: every refusal is one line and exit status 2."""
+    """Try command lines: every refusal is one line and exit status 2."""
 
     name = "command lines"
     share = 0.1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node of somebody else: says once a second what it finds in its environment."""
+"""A foreign node: reports its environment once a second."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read all topics, as `ros2 bag record -a` does, and say at the end how many messages came."""
+"""Read all topics, as `ros2 bag record -a` does, and report the number of messages at the end."""
 
 import json
 from collections import Counter

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bigger system: two flights, a node of somebody else, and a reader of all topics.
+"""A larger system: two flights, a foreign node, and a reader of all topics.
 
 ros2 launch two_flights.launch.py bags:=FOLDER ports:=PORT,PORT
 """

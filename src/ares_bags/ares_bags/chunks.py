@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An MCAP file in the making: messages into chunks, chunks into a stream."""
+"""Write one MCAP file: messages into chunks, chunks into a stream."""
 
 # mypy: allow-untyped-calls
 # some methods of the MCAP library have no types
@@ -26,7 +26,7 @@ _OPCODE = int(Opcode.MESSAGE)
 #: Bytes of a record before its length counts.
 _PREFIX = 9
 
-#: Of a file that is measured before it has any.
+#: Placeholder in the index while the size of the file's end is computed.
 _NO_CHUNK = ChunkIndex(
     message_start_time=0,
     message_end_time=0,
@@ -41,17 +41,17 @@ _NO_CHUNK = ChunkIndex(
 
 
 class Stream(Protocol):
-    """What a file is written to."""
+    """Accept the bytes of a file."""
 
     def write(self, data: bytes) -> int:
-        """Append."""
+        """Append bytes; return their number."""
 
     def tell(self) -> int:
-        """Bytes appended so far."""
+        """Return the number of bytes appended so far."""
 
 
 class ChunkedFile:
-    """One MCAP file of the profile ros2, compressed, indexed, with checksums.
+    """Write one MCAP file of the profile ros2, compressed, indexed, with checksums.
 
     The library's own writer takes five times as long for a message.
     """
@@ -60,15 +60,15 @@ class ChunkedFile:
         """Begin the file.
 
         Args:
-            stream: where its bytes go, chunk by chunk.
-            library: who writes it.
-            data: content of a first metadata record.
+            stream: receives the bytes, chunk by chunk.
+            library: name of the writing software, for the header.
+            data: content of the first metadata record.
         """
         self._stream = stream
         self._checksum = 0
         self._contents = Contents()
         self._chunks: list[ChunkEntry] = []
-        #: bytes that the end of the file will need for the index of the chunks so far
+        #: bytes of the chunk index so far, which `end` will write
         self.index_size = 0
         self._builder = RecordBuilder()
         self._put(MCAP0_MAGIC)
@@ -96,7 +96,7 @@ class ChunkedFile:
     def _begin_chunk(self) -> None:
         self._records: list[bytes] = []
         self._size = 0
-        # of each channel, log time and place of each message in turn
+        # per channel: log time in ns and offset of each message, alternating
         self._entries: defaultdict[int, list[int]] = defaultdict(list)
 
     def describe(self, record: Schema | Channel) -> None:
@@ -107,7 +107,7 @@ class ChunkedFile:
         self._size += len(self._records[-1])
 
     def add(self, channel: int, log_time_ns: int, data: bytes, publish_time_ns: int) -> None:
-        """Add a message of a channel that was described."""
+        """Add a message of a channel that has been described."""
         length = _MESSAGE.size - _PREFIX + len(data)
         head = _MESSAGE.pack(_OPCODE, length, channel, 0, log_time_ns, publish_time_ns)
         self._entries[channel] += (log_time_ns, self._size)
@@ -115,7 +115,7 @@ class ChunkedFile:
         self._size += length + _PREFIX
 
     def end_chunk(self) -> None:
-        """Compress the messages since the last chunk, if any, and write them."""
+        """Compress and write the messages since the last chunk, if any."""
         if not self._entries:
             return
         content = b"".join(self._records)
@@ -156,7 +156,7 @@ class ChunkedFile:
         self._begin_chunk()
 
     def size_of_end(self, data: Mapping[str, str]) -> int:
-        """Bytes of the end of the file as it would be now, but for the index of the chunks.
+        """Return the size in bytes that the file's end would have now, without its chunk index.
 
         Args:
             data: content of the last metadata record.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What differs between two bags, message by message, decoded."""
+"""Compare two bags, message by message, decoded."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -9,7 +9,7 @@ from typing import Any
 from ares_bags.decoded import leaves
 from ares_bags.reader import Bag
 
-#: Fields in which two flights of the same mission differ, whatever they flew.
+#: Identities, which differ between two equal flights of one mission.
 IDENTITIES = ("flight_id", "guidance_id", "hardware_id")
 
 
@@ -28,17 +28,16 @@ def _same(one: Any, other: Any) -> bool:
 def differences(
     one: Bag, other: Bag, topics: Iterable[str] | None = None, limit: int = 10
 ) -> list[str]:
-    """Differences between two bags; empty if they hold equal messages at equal times.
+    """List the differences between two bags; empty if they hold equal messages at equal times.
 
-    Messages are compared decoded (CDR has padding of no meaning), exactly, NaN equal to NaN;
-    the identities of flights and of their guidance are left out.
-    A topic without messages equals a missing topic.
+    Messages are compared decoded (CDR has padding of no meaning), exactly, NaN equal to NaN, and
+    without the identities of flight and guidance. A topic without messages equals a missing topic.
 
     Args:
         one: a bag.
         other: a bag.
-        topics: full names; default every topic of either.
-        limit: stop after this many lines.
+        topics: full names; default: every topic of either bag.
+        limit: maximum number of lines.
 
     Returns:
         One line per difference.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schemas and channels of an MCAP file, seen while reading it from its beginning."""
+"""Collect the schemas and channels of an MCAP file that is read from its beginning."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from ares_bags.schema import Topic, qos_from_text
 
 
 def topic_of(channel: Channel, schema: Schema | None) -> Topic:
-    """The topic that a channel describes.
+    """Return the ROS 2 topic that a channel describes.
 
     Raises:
         BagError: it is not a ROS 2 topic with a ros2msg definition.
@@ -35,21 +35,21 @@ def topic_of(channel: Channel, schema: Schema | None) -> Topic:
 
 @dataclass
 class Contents:
-    """Schemas and channels by id."""
+    """Hold schemas and channels by id."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     _topics: dict[int, Topic] = field(default_factory=dict)
 
     def note(self, record: McapRecord) -> None:
-        """Keep a schema or a channel; anything else is passed over."""
+        """Store a schema or a channel; ignore other records."""
         if isinstance(record, Schema):
             self.schemas[record.id] = record
         elif isinstance(record, Channel):
             self.channels[record.id] = record
 
     def contradicts(self, record: McapRecord) -> bool:
-        """Whether a schema or a channel of this id is known and another one."""
+        """Tell whether another schema or channel is already stored under this id."""
         if isinstance(record, Schema):
             return self.schemas.get(record.id, record) != record
         if isinstance(record, Channel):
@@ -57,7 +57,7 @@ class Contents:
         return False
 
     def topic(self, channel_id: int) -> Topic:
-        """The topic of a channel.
+        """Return the topic of a channel.
 
         Raises:
             BagError: the channel is not described so far, or is not a ROS 2 topic.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walking through the objects that mcap-ros2-support decodes messages into."""
+"""Traverse the objects into which mcap-ros2-support decodes messages."""
 
 import io
 from collections.abc import Iterator
@@ -10,24 +10,24 @@ from typing import Any
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keeps the parser of message definitions from printing what it raises too."""
+    """Silence standard error, on which the definition parser prints errors that it also raises."""
     with redirect_stderr(io.StringIO()):
         yield
 
 
 def is_message(value: Any) -> bool:
-    """Whether a value is a (nested) message."""
+    """Tell whether a value is a (nested) message."""
     return isinstance(value, SimpleNamespace)
 
 
 def fields(message: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of a message's fields, in the order of its definition."""
+    """Yield name and value of a message's fields, in the order of its definition."""
     for name in type(message).__slots__:
         yield name, getattr(message, name)
 
 
 def stamp_ns(message: Any) -> int | None:
-    """Time in ns of a nested builtin_interfaces/Time or Duration; None of anything else."""
+    """Return the time in ns of a nested builtin_interfaces/Time or Duration; None for others."""
     if type(message).__slots__ != ["sec", "nanosec"]:
         return None
     # the decoder takes sec as unsigned
@@ -36,7 +36,7 @@ def stamp_ns(message: Any) -> int | None:
 
 
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Every number and text of a decoded message with its name (`header.stamp.sec`, `a[2]`)."""
+    """Yield every number and text of a decoded message by name (`header.stamp.sec`, `a[2]`)."""
     if is_message(value):
         for key, item in fields(value):
             yield from leaves(item, f"{name}.{key}" if name else key)
@@ -50,9 +50,9 @@ def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def numbers(message: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Names of the numeric fields with a number, or a list of numbers that is not empty.
+    """Yield name and value of each numeric field: a number, or a non-empty list of numbers.
 
-    A stamp counts as one number, in ns; nested names are joined with a dot.
+    A stamp is one number, in ns; nested names are joined with a dot.
     """
     for key, item in fields(message):
         if is_message(item):

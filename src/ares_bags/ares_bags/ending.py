@@ -30,11 +30,11 @@ from ares_bags.metadata import RECORD_NAME
 
 @dataclass
 class ChunkEntry:
-    """What the end of a file says of one chunk.
+    """Hold the summary entry of one chunk.
 
     Attributes:
-        index: where the chunk and its message indexes are.
-        counts: its messages by channel.
+        index: position of the chunk and of its message indexes.
+        counts: number of its messages by channel.
     """
 
     index: ChunkIndex
@@ -58,15 +58,15 @@ def ending(
     data: Mapping[str, str],
     checksum: int,
 ) -> bytes:
-    """Everything after the last chunk.
+    """Return all bytes after the last chunk.
 
     Args:
-        begin: where it goes, bytes from the begin of the file.
+        begin: offset of the first of them in the file, bytes.
         contents: schemas and channels.
-        chunks: all of them.
-        metadata: the metadata records before the chunks.
-        data: content of the metadata record to come.
-        checksum: CRC-32 of all before `begin`.
+        chunks: entries of all chunks.
+        metadata: index of the metadata records before the chunks.
+        data: content of the metadata record to be written.
+        checksum: CRC-32 of all bytes before `begin`.
     """
     builder = RecordBuilder()
     Metadata(name=RECORD_NAME, metadata=dict(data)).write(builder)
@@ -105,7 +105,7 @@ def ending(
     for group in groups:
         group.write(builder)
     summary = builder.end()
-    # the checksum runs over the summary and the footer up to the checksum itself
+    # the checksum covers the summary and the footer up to the checksum itself
     footer_head = pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, base, offsets_begin)
     Footer(
         summary_start=base,

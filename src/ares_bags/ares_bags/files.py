@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which files a bag is made of: those of ours are one, those of `ros2 bag record` may be many."""
+"""Find the files of a bag: one in our bags, possibly several in those of `ros2 bag record`."""
 
 import re
 from pathlib import Path
@@ -8,20 +8,19 @@ from typing import Any
 from ares_bags.errors import BagError, cause
 from ares_bags.metadata import METADATA_FILE, read_metadata_file
 
-#: A file that rosbag2 has compressed whole is called so.
+#: Suffix of a file that rosbag2 has compressed as a whole.
 PACKED = ".zstd"
 _SPLIT = re.compile(r"(.*)_(\d+)\.mcap(?:\.zstd)?")
 
 
 def find_files(path: Path | str) -> list[Path]:
-    """The MCAP files of a bag, in the order in which they were written.
+    """Return the MCAP files of a bag in the order of recording.
 
     Args:
-        path: its folder, its `metadata.yaml`, or one MCAP file, which then is all.
+        path: the bag's folder, its `metadata.yaml`, or a single MCAP file.
 
     Raises:
-        BagError: there is none, it is kept in another format, or several have nothing to do
-            with each other.
+        BagError: there is none, its storage is not MCAP, or the files belong to different bags.
     """
     path = Path(path)
     if path.name == METADATA_FILE:
@@ -42,7 +41,7 @@ def find_files(path: Path | str) -> list[Path]:
 
 
 def find_file(path: Path | str) -> Path:
-    """The MCAP file of a bag, the first one if there are several; raises as `find_files`."""
+    """Return the MCAP file of a bag, the first if there are several; raise as `find_files`."""
     return find_files(path)[0]
 
 
@@ -54,7 +53,7 @@ def _of_sqlite(path: Path) -> BagError:
 
 
 def _listed(folder: Path) -> list[Path]:
-    """Files that `metadata.yaml` names; none if it is missing or damaged, or a file is."""
+    """Return the files named by `metadata.yaml`; none if it, or one of them, cannot be used."""
     try:
         information = read_metadata_file(folder / METADATA_FILE)
     except (OSError, ValueError):
@@ -93,7 +92,7 @@ def _check_storage(folder: Path, information: dict[str, Any]) -> None:
 
 
 def _found(folder: Path) -> list[Path]:
-    """Files of a folder of which nothing tells."""
+    """Return the files of a folder without a usable `metadata.yaml`, ordered by number."""
     files = _mcap_files(folder)
     if not files and any(folder.glob("*.db3")):
         raise _of_sqlite(folder)

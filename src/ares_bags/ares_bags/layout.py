@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of one size: their numbers lie at the same place in each, and are read all at once."""
+"""Read the numbers of messages of constant size all at once: each has the same offset in all."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: Size in bytes and numpy's letter of the numbers that a fixed layout may hold.
+#: NumPy type codes of the numbers that a fixed layout may hold.
 _NUMBERS = {
     "bool": "?",
     "int8": "i1",
@@ -24,7 +24,7 @@ _NUMBERS = {
     "float32": "f4",
     "float64": "f8",
 }
-#: Arrays of these are no lists of numbers when decoded one by one.
+#: Element types whose arrays the one-by-one decoder does not return as lists of numbers.
 _NO_ARRAYS = {"bool", "int8", "uint8"}
 _TIMES = {"builtin_interfaces/Time", "builtin_interfaces/Duration"}
 _PART = re.compile(r"^=+\nMSG: (\S+)\n", re.MULTILINE)
@@ -32,18 +32,18 @@ _FIELD = re.compile(r"^[ \t]*([A-Za-z][\w/]*)(\S*)[ \t]+([A-Za-z]\w*)[ \t]*(=?)"
 _COUNT = re.compile(r"\[(\d+)\]")
 _LITTLE = Struct("<iI")
 _BIG = Struct(">iI")
-#: Stamps beyond this flight time (115 days) are those of a wall clock, ns.
+#: Flight time in ns (115 days) above which a stamp is wall-clock time.
 WALL_CLOCK_NS = 10**7 * 10**9
-#: Bytes in front of a message that say how it is written: plain CDR, little-endian.
+#: First bytes of the encapsulation header: plain CDR, little-endian.
 _HEADER = b"\x00\x01"
 _HEADER_SIZE = 4
-#: A message may be filled up to a multiple of it.
+#: Alignment in bytes to which a message may be padded.
 _FILLED = 4
 
 
 @dataclass(frozen=True)
 class _Number:
-    """A field: its name, numpy's letter, the count of an array or 0, its place in bytes."""
+    """Hold a field: name, NumPy type code, array length (0 for a scalar) and offset in bytes."""
 
     name: str
     kind: str
@@ -53,10 +53,10 @@ class _Number:
 
 @dataclass(frozen=True)
 class FixedLayout:
-    """Where the numbers of a message lie.
+    """Hold the offsets of a message's numbers.
 
     Attributes:
-        dtype: of a message without its header; a stamp is `sec` and `nanosec` below its name.
+        dtype: of a message without its header; a stamp `s` is the fields `s.sec` and `s.nanosec`.
         stamps: names of the stamps.
     """
 
@@ -64,10 +64,10 @@ class FixedLayout:
     stamps: tuple[str, ...]
 
     def columns(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]] | None:
-        """The numbers of some messages, as `Bag.columns` gives them, but for the log time.
+        """Return the numbers of messages as `Bag.columns` does, without the log time.
 
         Returns:
-            None if the messages are not written so: to be decoded one by one.
+            By field name; None if the messages differ in size or encoding, to be decoded singly.
         """
         sizes = {len(message) for message in messages}
         extra = next(iter(sizes), 0) - _HEADER_SIZE - self.dtype.itemsize
@@ -89,7 +89,7 @@ class FixedLayout:
 
 
 def _widest(values: NDArray[Any]) -> NDArray[Any]:
-    """As an array of the numbers themselves would be: int64 where they fit, float64, bool."""
+    """Widen values to int64 where they fit, else to float64 or bool."""
     if values.dtype.kind == "f":
         return values.astype(np.float64)
     if values.dtype.kind == "b":
@@ -100,7 +100,7 @@ def _widest(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def stamp_of_cdr(data: bytes) -> int:
-    """Time in ns of a serialised message that begins with a stamp.
+    """Return the time in ns of a serialized message that begins with a stamp.
 
     The stamp follows the four bytes of the encapsulation header, whose second byte is odd for
     little endian.
@@ -113,14 +113,14 @@ def stamp_of_cdr(data: bytes) -> int:
 
 
 def begins_with_stamp(definition: str) -> bool:
-    """Whether messages of a type begin with a stamp, or with a header, which begins with one."""
+    """Tell whether a type begins with a stamp, or with a header, whose first field is one."""
     own = _PART.split(definition)[0]
     kind = next((kind for kind, _, _, constant in _FIELD.findall(own) if not constant), "")
     return kind in ("builtin_interfaces/Time", "std_msgs/Header", "Header")
 
 
 def fixed_layout(type_name: str, definition: str) -> FixedLayout | None:
-    """Where the numbers of a type lie; None if its messages differ in size or hold texts.
+    """Return the layout of a type's numbers; None if messages differ in size or hold texts.
 
     Args:
         type_name: `package/msg/Name`.
@@ -144,7 +144,7 @@ def fixed_layout(type_name: str, definition: str) -> FixedLayout | None:
             }
         )
     except (LookupError, ValueError, OverflowError, RecursionError):
-        # texts and lists; or fields that no message can have: doubled, endless, in themselves
+        # texts, lists; or an invalid definition: a duplicate field, endless or recursive nesting
         return None
     return FixedLayout(dtype, tuple(stamps))
 
@@ -156,7 +156,7 @@ def _size(number: _Number) -> int:
 def _numbers(
     text: str, package: str, texts: dict[str, str], prefix: str, offset: int, stamps: list[str]
 ) -> Iterator[_Number]:
-    """Fields of a message and of those in it, with their places; LookupError: no fixed layout."""
+    """Yield the fields of a message and of nested ones; raise LookupError if the size varies."""
     for kind, array, name, constant in _FIELD.findall(text):
         if constant:
             continue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`metadata.yaml` and the `rosbag2` record of a bag, version 9, as rosbag2 Jazzy writes them."""
+"""Read and write `metadata.yaml` and the `rosbag2` record of a bag: version 9, as in Jazzy."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ RECORD_KEY = "serialized_metadata"
 VERSION = 9
 _OUTER_KEY = "rosbag2_bagfile_information"
 
-#: What rosbag2 writes as starting time of a bag without messages.
+#: Starting time that rosbag2 writes for a bag without messages.
 NO_TIME_NS = 2**63 - 1
 
 
@@ -25,7 +25,7 @@ def bag_information(
     span_ns: tuple[int, int] | None,
     custom_data: Mapping[str, str],
 ) -> dict[str, Any]:
-    """The content of rosbag2's BagMetadata for a bag of one file.
+    """Return rosbag2's BagMetadata for a bag of one file.
 
     Args:
         file_name: name of the MCAP file within the bag's folder.
@@ -57,7 +57,7 @@ def bag_information(
             }
             for topic, count in topics
         ],
-        # compressed chunks are the storage's own business, not rosbag2's
+        # the storage compresses chunks itself; rosbag2 counts that as no compression
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file_name],
@@ -75,12 +75,12 @@ def bag_information(
 
 
 def record_data(information: Mapping[str, Any]) -> dict[str, str]:
-    """The content of the MCAP metadata record `rosbag2`."""
+    """Return the content of the MCAP metadata record `rosbag2`."""
     return {RECORD_KEY: dump_yaml(dict(information))}
 
 
 def information_of(record: Mapping[str, str]) -> dict[str, Any]:
-    """The content of a `rosbag2` record; empty if it carries none.
+    """Return the bag metadata in a `rosbag2` record; empty if there are none.
 
     Raises:
         ValueError: it is not YAML, or not a mapping.
@@ -89,7 +89,7 @@ def information_of(record: Mapping[str, str]) -> dict[str, Any]:
 
 
 def read_metadata_file(path: Path) -> dict[str, Any]:
-    """The content of a `metadata.yaml`.
+    """Return the bag metadata in a `metadata.yaml`.
 
     Raises:
         OSError: it cannot be read.
@@ -112,7 +112,7 @@ def _mapping(text: str) -> dict[str, Any]:
 
 
 def custom_data_of(information: Mapping[str, Any]) -> dict[str, str]:
-    """The custom data of a bag's metadata; empty if there are none."""
+    """Return the custom data in bag metadata; empty if there are none."""
     custom = information.get("custom_data")
     if not isinstance(custom, dict):
         return {}
@@ -120,11 +120,11 @@ def custom_data_of(information: Mapping[str, Any]) -> dict[str, str]:
 
 
 def custom_data_conflict(copies: Sequence[tuple[str, Mapping[str, str]]]) -> str:
-    """Where copies of a bag's custom data contradict each other; empty if they do not.
+    """Describe the first contradiction between copies of a bag's custom data; "" if there is none.
 
     Args:
-        copies: where each copy stands, and the copy. A later one may know more keys; one that
-            knows none says nothing.
+        copies: location and content of each copy. A later copy may have more keys; an empty one
+            is ignored.
     """
     for (where, custom), (other, later) in pairwise(entry for entry in copies if entry[1]):
         for key, value in custom.items():
@@ -135,10 +135,10 @@ def custom_data_conflict(copies: Sequence[tuple[str, Mapping[str, str]]]) -> str
 
 
 def recorded_counts(copies: Sequence[Mapping[str, Any]]) -> dict[str, int] | None:
-    """Messages by topic as the copies of a bag's metadata have them.
+    """Return the number of messages by topic according to the copies of a bag's metadata.
 
-    None if no copy tells, or if they contradict each other. A copy from the beginning of a
-    recording knows of no message.
+    None if no copy counts messages, or if copies contradict each other. A copy from the beginning
+    of a recording counts none.
     """
     found = []
     for information in copies:
@@ -155,7 +155,7 @@ def recorded_counts(copies: Sequence[Mapping[str, Any]]) -> dict[str, int] | Non
 
 
 def write_metadata_file(folder: Path, information: Mapping[str, Any]) -> None:
-    """Write `metadata.yaml` of a bag: whole or not at all.
+    """Write a bag's `metadata.yaml` atomically.
 
     Raises:
         OSError: it could not be written.

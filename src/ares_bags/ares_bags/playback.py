@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a replay goes on: paused, faster, slower, elsewhere. Told by keys, or by another thread."""
+"""Control a replay: pause, rate, seek; from the keyboard or another thread."""
 
 import math
 import os
@@ -13,9 +13,9 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-#: Longest nap in s between two looks at what is asked.
+#: Longest sleep in s between two checks for a command.
 NAP = 0.05
-#: What a key does to the pace, and how far another goes, s of flight time.
+#: Factor of a key on the rate; jump of an arrow key, s of flight time.
 FASTER = 2.0
 JUMP_S = 10.0
 
@@ -28,16 +28,16 @@ KEYS_HELP = (
 
 
 class Playback:
-    """The pace of a replay, and where it is; safe to use from any thread.
+    """Hold the rate and the position of a replay; safe to use from any thread.
 
     Attributes:
         rate: flight seconds per wall second; 0: as fast as the readers acknowledge.
-        paused: whether it waits.
-        time_s: flight time of the last messages that went out; nan before.
+        paused: whether the replay is paused.
+        time_s: flight time of the last messages sent, s; NaN before the first.
     """
 
     def __init__(self, rate: float = 1.0) -> None:
-        """Play from the start on.
+        """Start playing at a rate.
 
         Raises:
             ValueError: the rate is negative or not finite.
@@ -47,16 +47,16 @@ class Playback:
         self.paused = False
         self.time_s = math.nan
         self._target: float | None = None
-        # at the wall time _since it was at the flight time _from, and ran
+        # reference of the rate: flight time _from, s, at wall time _since, s; None while paused
         self._since: float | None = None
         self._from = math.nan
         self._due = math.nan
         self.set_rate(rate)
 
-    # ---- asked from outside
+    # ---- called by the controlling thread
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another pace.
+        """Change the rate.
 
         Raises:
             ValueError: it is negative or not finite.
@@ -64,43 +64,43 @@ class Playback:
         if not 0.0 <= rate < math.inf:
             raise ValueError(f"rate is {rate}; expected zero or a positive number")
         with self._lock:
-            self._stand()
+            self._rebase()
             self.rate = rate
 
     def pause(self) -> None:
-        """Wait from now on."""
+        """Pause."""
         with self._lock:
-            self._stand()
+            self._rebase()
             self.paused = True
 
     def resume(self) -> None:
-        """Go on after a pause."""
+        """Resume after a pause."""
         with self._lock:
             self.paused = False
 
     def seek(self, time_s: float) -> None:
-        """Go on from another flight time, s; the clock jumps there."""
+        """Continue from another flight time, s; the clock jumps there."""
         with self._lock:
             self._target = time_s
 
-    def _stand(self) -> None:
-        """Note where it is: from here on another pace counts."""
+    def _rebase(self) -> None:
+        """Move the reference of the rate to the present position."""
         if self._since is not None:
             flown = (time.monotonic() - self._since) * self.rate if self.rate else math.inf
             self._from = min(self._from + flown, self._due)
         self._since = None
 
-    # ---- asked by the replay
+    # ---- called by the replay
 
     def sent(self, time_s: float) -> None:
-        """The messages of a flight time, s, have gone out."""
+        """Note that the messages of a flight time, s, have been sent."""
         self.time_s = time_s
 
     def jump(self) -> float | None:
-        """The clock is about to jump: the pace counts from there.
+        """Reset the reference of the rate before the clock jumps.
 
         Returns:
-            Where somebody wants to go on, flight time in s; None: nobody has asked.
+            Flight time in s of the last `seek`; None if there was none.
         """
         with self._lock:
             target, self._target = self._target, None
@@ -109,14 +109,14 @@ class Playback:
         return target
 
     def wait_until(self, time_s: float, stopped: Callable[[], bool]) -> bool:
-        """Wait for the moment of a flight time.
+        """Wait until a flight time is due.
 
         Args:
             time_s: flight time, s.
-            stopped: looked at while waiting; True ends the wait.
+            stopped: polled while waiting; True ends the wait.
 
         Returns:
-            Whether messages of that time are due: nobody has stopped, or gone elsewhere.
+            Whether messages of that time are due: neither stopped nor sought elsewhere.
         """
         while not stopped():
             if self._target is not None:
@@ -128,7 +128,7 @@ class Playback:
         return False
 
     def _left(self, time_s: float) -> float:
-        """Wall time in s until a flight time; a nap while paused."""
+        """Return the wall time in s until a flight time; while paused, the polling interval."""
         with self._lock:
             self._due = time_s
             if self.paused:
@@ -144,14 +144,14 @@ class Playback:
 
 @contextmanager
 def keys(playback: Playback, say: Callable[[str], None]) -> Iterator[Callable[[], bool]]:
-    """Take keys from the terminal, where there is one; the terminal is put back at the end.
+    """Read keys from the terminal, if there is one; restore its mode at the end.
 
     Args:
-        playback: what they change.
-        say: gets a line for each.
+        playback: controlled by the keys.
+        say: gets a line for each key.
 
     Yields:
-        To be called again and again: takes what was pressed; True once the end is asked for.
+        Poll: handles the keys pressed since its last call; returns True once the end is requested.
     """
     terminal = _own_terminal()
     if terminal is None:
@@ -181,7 +181,7 @@ def keys(playback: Playback, say: Callable[[str], None]) -> Iterator[Callable[[]
 
 
 def _own_terminal() -> int | None:
-    """Descriptor of the terminal that this process has in front of it."""
+    """Return the descriptor of this process's controlling terminal, None without one."""
     try:
         descriptor = sys.stdin.fileno()
     except (AttributeError, OSError, ValueError):
@@ -190,7 +190,7 @@ def _own_terminal() -> int | None:
 
 
 def _in_front(terminal: int) -> bool:
-    """Whether keys are for this process: one in the background is stopped if it reads."""
+    """Tell whether this process has the terminal; a background process is stopped by a read."""
     try:
         return os.tcgetpgrp(terminal) == os.getpgrp()
     except OSError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a bag: topics, decoded messages, columns of numbers. Needs no ROS."""
+"""Read a bag: topics, decoded messages, columns of numbers. Needs no ROS."""
 
 import errno
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -33,7 +33,7 @@ from ares_bags.metadata import (
 from ares_bags.schema import Topic
 from ares_bags.survey import Span, begins_well, ends_well, map_file, parse, read_summary
 
-#: How types of this project begin.
+#: Package prefix of this project's types.
 OURS = "ares_msgs/"
 #: Column with the log time in ns, int64.
 LOG_TIME = "log_time_ns"
@@ -41,20 +41,20 @@ LOG_TIME = "log_time_ns"
 
 @dataclass(frozen=True)
 class BagTopic(Topic):
-    """A topic of a recorded bag; `count` is the number of its messages."""
+    """Hold a topic of a recorded bag; `count` is the number of its messages."""
 
     count: int = 0
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One file of a bag.
+    """Hold one file of a bag.
 
     Attributes:
         path: of the file.
         data: its bytes.
-        summary: what stands at its end.
-        statistics: of it.
+        summary: summary section at its end.
+        statistics: its statistics record.
     """
 
     path: Path
@@ -65,7 +65,7 @@ class _Part:
     def messages(
         self, names: list[str], start_ns: int, end_ns: int | None
     ) -> Iterator[tuple[str, int, bytes]]:
-        """See `Bag.raw_messages`."""
+        """Yield messages of this file; see `Bag.raw_messages`."""
         packed = self.path.suffix == PACKED
         with BytesIO(self.data) if packed else self.path.open("rb") as stream:
             reader = SeekingReader(stream, validate_crcs=True)
@@ -76,23 +76,23 @@ class _Part:
 
 
 class Bag:
-    """A complete bag on disk.
+    """Read a complete bag on disk.
 
     Attributes:
         path: as given.
-        files: its MCAP files, in order; ours have one.
+        files: its MCAP files in order; a bag of ours has one.
         topics: by full name, sorted.
-        left_out: topics that are not of ROS 2 or whose definition is no ros2msg: why, by name.
+        left_out: reason by name for each topic that is not of ROS 2 or has no ros2msg definition.
         custom_data: texts by name (mission, law, seed, ...).
         message_count: messages of all topics.
         start_ns: first log time in ns; 0 without messages.
         end_ns: last log time in ns.
-        timed_by_stamps: the log times are those of a wall clock, as `ros2 bag record` takes
-            them: each message counts for the time of its stamp, or of the last stamp before it.
+        timed_by_stamps: the log times are wall-clock times, as `ros2 bag record` writes them;
+            each message is then given the time of its stamp, or of the last stamp before it.
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Open; see `open_bag`."""
+        """Open the bag; see `open_bag`."""
         self.path = Path(path)
         self.files = find_files(self.path)
         self._decoders = DecoderFactory()
@@ -110,12 +110,12 @@ class Bag:
 
     @property
     def file(self) -> Path:
-        """Its first MCAP file."""
+        """Return the first MCAP file."""
         return self.files[0]
 
     def _damaged(self, error: Exception) -> BagError:
-        """What to raise for an error of the MCAP reader, which raises one of many."""
-        # a wrong offset becomes a seek to where no file can be
+        """Convert an error of the MCAP reader, of whatever type, into a BagError."""
+        # a wrong offset leads to a seek to an impossible position, which is EINVAL
         if isinstance(error, OSError) and error.errno != errno.EINVAL:
             return BagError(f"bag {self.path} cannot be read: {cause(error)}")
         return BagError(
@@ -180,7 +180,7 @@ class Bag:
             self._schemas[topic.name] = schema
 
     def _retime(self) -> None:
-        """Bring every message to flight time."""
+        """Replace wall-clock log times with flight times."""
         stamped = {
             name for name, topic in self.topics.items() if begins_with_stamp(topic.definition)
         }
@@ -197,7 +197,7 @@ class Bag:
                 stamp = now
             self._retimed.append((topic, stamp, data))
         if now is None:
-            # nothing in it has a flight time
+            # no message carries a flight time
             self.timed_by_stamps = False
             return
         begin = min(time for _, time, _ in self._retimed)
@@ -206,16 +206,16 @@ class Bag:
         self.start_ns, self.end_ns = self._retimed[0][1], self._retimed[-1][1]
 
     def holds(self, topic: str) -> bool:
-        """Tell whether there is a topic of this name, or of this end of a name (`nav_state`)."""
+        """Tell whether a topic has this full name, or a name that ends in it (`nav_state`)."""
         return any(name.endswith("/" + topic.lstrip("/")) for name in self.topics)
 
     def name_of(self, topic: str) -> str:
-        """Full name of a topic, given that or the end of it (`nav_state`).
+        """Return the full name of a topic, given that or its end (`nav_state`).
 
-        Of several of that name, the one of a type of ours is meant.
+        Of several matches, the only one with a type of `ares_msgs` is taken.
 
         Raises:
-            BagError: no topic, or more than one, is called so.
+            BagError: no topic, or more than one, matches.
         """
         if topic in self.topics:
             return topic
@@ -231,14 +231,14 @@ class Bag:
     def raw_messages(
         self, topics: Iterable[str] | None = None, start_ns: int = 0, end_ns: int | None = None
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Messages as recorded: topic, log time in ns, CDR.
+        """Yield messages as recorded: topic, log time in ns, CDR.
 
-        Ordered by log time; messages of the same time keep the order in which they came.
+        Ordered by log time; messages of equal time keep their recorded order.
 
         Args:
-            topics: names, short or full; default all.
-            start_ns: log time of the first, ns.
-            end_ns: log time up to which, those of that time included; default all.
+            topics: names, full or their ends; default: all.
+            start_ns: first log time, ns.
+            end_ns: last log time, ns, inclusive; default: the end.
 
         Raises:
             BagError: unknown topic, or the file is damaged from here on.
@@ -267,7 +267,7 @@ class Bag:
             raise self._damaged(error) from error
 
     def decoder(self, topic: str) -> Callable[[bytes], Any]:
-        """What turns the CDR of a topic into an object with the message's fields."""
+        """Return the decoder of a topic: from CDR to an object with the message's fields."""
         name = self.name_of(topic)
         try:
             with quiet():
@@ -281,7 +281,7 @@ class Bag:
         return decoder
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Decoded messages of one topic with their log time in ns, in order of time.
+        """Yield log time in ns and decoded message of one topic, in order of time.
 
         Raises:
             BagError: unknown topic, or the file is damaged.
@@ -296,15 +296,15 @@ class Bag:
             yield log_time, message
 
     def columns(self, topic: str) -> dict[str, NDArray[Any]]:
-        """The numbers of a topic as arrays, one row per message, in order of time.
+        """Return the numbers of a topic as arrays, one row per message, in order of time.
 
         Args:
-            topic: name, short or full.
+            topic: name, full or its end.
 
         Returns:
             By field name (nested: `outer.inner`): shape (n,), or (n, m) for an array field of
-            m numbers. A stamp is one int64 column in ns. Texts and arrays that change their
-            length are left out. `log_time_ns` is always there; without messages only that.
+            m numbers. A stamp is one int64 column in ns. Texts and arrays of varying length are
+            left out. `log_time_ns` is always present; without messages it is the only column.
 
         Raises:
             BagError: unknown topic, or the file is damaged.
@@ -331,10 +331,10 @@ class Bag:
 
 
 def _custom_data(parts: Sequence[_Part], metadata_file: Path) -> dict[str, str]:
-    """The custom data of a bag. No checksum covers them, but there are several copies.
+    """Return the custom data of a bag from its copies, which no checksum covers.
 
     Raises:
-        ValueError: the copies contradict each other, or one cannot be read.
+        ValueError: copies contradict each other, or one cannot be read.
     """
     copies = []
     for part in parts:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder node: every flight message to a bag, as it was sent."""
+"""Record every message of a flight in a bag, as it was sent: the recorder node."""
 
 import os
 import platform
@@ -56,7 +56,7 @@ from ares_node.qos import (
 )
 from ares_node.states import Unreadable, message_of
 
-#: Types of the topics that need not be spelt out.
+#: Types of the topics that the parameter `topics` may name without their type.
 TYPES = {
     NAV_STATE: "ares_msgs/msg/NavState",
     VEHICLE_STATE: "ares_msgs/msg/VehicleState",
@@ -68,11 +68,11 @@ TYPES = {
 
 #: Wall time in s without a message after which the queues count as empty.
 QUIET_TIME = 0.2
-#: Wall time in s after which draining ends although messages still come, or states are missing.
+#: Wall time in s after which draining ends even if messages still arrive or states are missing.
 DRAIN_LIMIT = 5.0
-#: Wall time in s that guidance has to say how many statuses it has sent when the flight is over.
+#: Wall time in s after the flight for guidance to announce the number of statuses it has sent.
 LAST_WORD_TIME = 1.0
-#: Topics whose messages are numbered without gaps.
+#: Topics whose sequence numbers have no gaps.
 NUMBERED = (NAV_STATE, VEHICLE_STATE)
 
 PARAMETERS = (
@@ -98,7 +98,7 @@ PARAMETERS = (
 
 
 def qos_of(profile: QoSProfile) -> Qos:
-    """A discovered or requested profile in rosbag2's words."""
+    """Convert a discovered or requested profile to rosbag2's terms."""
     known = profile.history in (HistoryPolicy.KEEP_LAST, HistoryPolicy.KEEP_ALL)
     return Qos(
         reliability=profile.reliability.name.lower(),
@@ -113,17 +113,17 @@ def qos_of(profile: QoSProfile) -> Qos:
 
 
 class RecorderNode(FlightNode):
-    """Writes the messages of one flight to a bag, raw, with flight time as log time.
+    """Write the messages of one flight to a bag, serialized, with flight time as log time.
 
-    The bag is closed when the flight is over. A write error ends the bag, not the flight: it
-    is reported once on /diagnostics and on standard error, `error` says what happened, and the
-    process will exit with status 1. So it is with messages that did not arrive: navigation
-    states are numbered, and guidance says how many statuses it has sent. So it is, too, with a
-    bag that has to be closed while the flight goes on.
+    The bag is closed when the flight is over. A write error ends the bag, not the flight: it is
+    reported once on /diagnostics and on standard error, `error` holds its text, and the process
+    exits with status 1. The same holds if messages were lost (navigation states are numbered, and
+    guidance announces how many statuses it has sent), or if the bag is closed while the flight goes
+    on.
 
     Attributes:
-        error: why the bag is incomplete, one line; None if it is not.
-        lost: messages that came after the write error.
+        error: why the bag is incomplete, one line; None if it is complete.
+        lost: messages that were unreadable, or received after the write error.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -134,7 +134,7 @@ class RecorderNode(FlightNode):
         self._begin()
 
     def _begin(self) -> None:
-        """Nothing has been received for this bag."""
+        """Reset the counts of received messages for a new bag."""
         self.error: str | None = None
         self.lost = 0
         self._counts: dict[str, int] = {}
@@ -144,15 +144,15 @@ class RecorderNode(FlightNode):
         self._statuses: Counter[int] = Counter()
         self._ending: Timer | None = None
         self._missing = 0
-        #: the bag was closed while the flight went on, which may end before this process does
+        #: the bag was closed while the flight went on
         self._cut_off = False
-        #: the simulator holds the count, or has refused the flight
+        #: the simulator has not started the flight, or has refused it
         self._unbegun = False
         self._held_back: list[Callable[[], None]] = []
 
     @property
     def message_counts(self) -> dict[str, int]:
-        """Messages in the bag by full topic name; only topics that had any."""
+        """Return the messages in the bag by full topic name; topics without any are left out."""
         counts = self._counts if self._writer is None else self._writer.counts
         return {topic: count for topic, count in counts.items() if count}
 
@@ -178,7 +178,7 @@ class RecorderNode(FlightNode):
         self._membership = Membership(self, Role.RECORDER, flight_id=self.values["flight_id"])
 
     def activate(self) -> None:
-        """Subscribe."""
+        """Subscribe to the topics and to the announcements of members."""
         if self._writer is None:
             raise NodeError(
                 f"bag {self.values['bag']} is closed; clean up, set parameter bag to a new folder "
@@ -187,52 +187,50 @@ class RecorderNode(FlightNode):
         for name, (type_name, kind) in self._types.items():
             qos = RECORDER_EVENTS if name == FLIGHT_EVENT else RECORDER
             full_name = self.resolve_topic_name(name)
-            take = partial(self._take, full_name, type_name, qos, self._filter(name, kind))
-            # gaps in numbers tell more than the middleware does
+            record = partial(self._record, full_name, type_name, qos, self._filter(name, kind))
+            # gaps in sequence numbers are a better measure of loss than the middleware's events
             lost = None if name in NUMBERED else self._on_lost
             self._inputs.append(
                 self.create_subscription(
                     kind,
                     name,
-                    take,
+                    record,
                     qos,
                     raw=True,
                     event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
                 )
             )
-        # messages that came last before a pause must not wait for the next one
+        # without a timer, the last messages before a pause would be flushed after it
         self._timer = self.wall_timer(self.values["flush_interval_s"], self._on_timer)
         self._membership.listen(self._on_member)
 
     def deactivate(self) -> None:
-        """Take what is still in the queues and close the bag."""
+        """Record the messages still queued and close the bag."""
         self.drain_and_close()
 
     def cleanup(self) -> None:
-        """Close a bag that was never recorded to."""
+        """Close the bag if it was never activated, and leave the flight."""
         self.drain_and_close()
         self._membership.close()
 
     def abandon(self) -> None:
-        """Close a bag whose recorder was interrupted while it started."""
+        """Close the bag if the recorder is interrupted during start-up."""
         if self._writer is not None:
             self._writer.close()
 
     def drain(self, executor: Executor) -> None:
-        """See `drain_and_close`."""
+        """Drain the queues and close the bag; see `drain_and_close`."""
         self.drain_and_close(executor)
 
     def drain_and_close(self, executor: Executor | None = None) -> None:
-        """Take messages until none has come for 0.2 s (5 s at most), then close the bag.
+        """Record messages until none arrives for 0.2 s (5 s at most), then close the bag.
 
-        Where simulator and guidance have said how many messages there were, all of them are waited
-        for.
-        Does nothing if the bag is closed already.
+        Wait for all messages that simulator and guidance have announced. Do nothing if the bag is
+        closed.
 
         Args:
-            executor: spun while waiting, so that other nodes on it can go on; must not be
-                spinning now. None takes from the queues directly and may be used in a
-                callback.
+            executor: spun while waiting, so that other nodes on it can continue; must not be
+                spinning now. None reads the queues directly and is safe in a callback.
         """
         if self._writer is None:
             return
@@ -240,7 +238,7 @@ class RecorderNode(FlightNode):
         received = self._received
         while self._inputs:
             if executor is None:
-                self._take_all()
+                self._record_queued()
             else:
                 executor.spin_once(timeout_sec=0.02)
             now = time.monotonic()
@@ -261,7 +259,7 @@ class RecorderNode(FlightNode):
         self._close()
 
     def _typed(self, entry: str) -> tuple[str, tuple[str, Any]]:
-        """Topic name, type name and class of one entry of `topics`."""
+        """Return topic name, type name and class of one entry of `topics`."""
         name, separator, type_name = entry.partition(":")
         type_name = type_name if separator else TYPES.get(name, "")
         if not name or not type_name:
@@ -279,7 +277,7 @@ class RecorderNode(FlightNode):
             )
         return name, (type_name, kind)
 
-    def _take_all(self) -> None:
+    def _record_queued(self) -> None:
         for subscription in self._inputs:
             with subscription.handle:
                 while taken := subscription.handle.take_message(subscription.msg_type, True):
@@ -288,29 +286,29 @@ class RecorderNode(FlightNode):
     # ---- the flight
 
     def _on_member(self, _member: FlightMember) -> None:
-        agreed = self._membership.witness()
+        agreed = self._membership.agree_as_observer()
         self._note_members()
         if agreed:
             self._try(lambda writer: writer.note())
         if self._membership.flight_id:
-            self._take_held_back()
+            self._record_held_back()
         simulator = self._membership.simulator
         if simulator is not None and simulator.state != State.LEFT:
             self._unbegun = simulator.state in (State.READY, State.FAILED)
         if simulator is None or simulator.state != State.OVER or self._writer is None:
             return
         if any(next_one > int(simulator.last_sequence) + 1 for next_one in self._expected.values()):
-            # more has come than that: not the simulator's own word
+            # more states have arrived than announced: the announcement is not the simulator's
             return
         guidance = self._membership.guidance
         if guidance is None or guidance.state not in AGREED:
             self.drain_and_close()
         elif self._ending is None:
-            # it may be dead and never say how many statuses there were
+            # guidance may be dead and never announce its number of statuses
             self._ending = self.wall_timer(LAST_WORD_TIME, self.drain_and_close)
 
     def _note_members(self) -> None:
-        """Keep what the simulator flies, and what each guidance that was accepted flies by."""
+        """Store the settings of the simulator and of each accepted guidance in the custom data."""
         simulator, guidance = self._membership.simulator, self._membership.guidance
         if self._writer is None:
             return
@@ -324,7 +322,7 @@ class RecorderNode(FlightNode):
         self._missing += info.total_count_change
 
     def _outstanding(self) -> int:
-        """What simulator and guidance have said to have sent and that has not come yet."""
+        """Return the number of announced messages that have not arrived."""
         mine = self._membership
         simulator, guidance = mine.simulator, mine.guidance
         if simulator is None or simulator.state != State.OVER:
@@ -338,7 +336,7 @@ class RecorderNode(FlightNode):
         return states + int(guidance.last_sequence) - self._statuses[int(guidance.member_id)]
 
     def _filter(self, name: str, kind: Any) -> Callable[[bytes], bool]:
-        """What tells the messages of this flight, and counts the numbered ones."""
+        """Return a predicate for this flight's messages on a topic; it counts the numbered ones."""
         if name == DIAGNOSTICS:
             return self._is_our_report
         if not names_its_flight(kind):
@@ -353,14 +351,14 @@ class RecorderNode(FlightNode):
     def _is_ours(self, flight_id: int) -> bool:
         if not self._membership.flight_id:
             self._membership.say(self._membership.state, flight_id=flight_id)
-            self._take_held_back()
+            self._record_held_back()
         return self._membership.belongs(flight_id)
 
-    def _take_held_back(self) -> None:
-        """Take the events that came before the flight was known; others' are left out."""
+    def _record_held_back(self) -> None:
+        """Record the events received before the flight was known; drop those of other flights."""
         held, self._held_back = self._held_back, []
-        for take in held:
-            take()
+        for record in held:
+            record()
 
     def _is_our_state(self, name: str, data: bytes) -> bool:
         flight_id, sequence = flight_of_cdr(data)
@@ -379,13 +377,13 @@ class RecorderNode(FlightNode):
     def _is_our_report(self, data: bytes) -> bool:
         reports = message_of(data, DiagnosticArray).status
         if any(map(is_heartbeat, reports)):
-            # a bag says of a flight what is the same on every machine
+            # heartbeats depend on the machine; a bag does not
             return False
         foreign = any(of_another_flight(report, self._membership.flight_id) for report in reports)
         self._membership.foreign += foreign
         return not foreign
 
-    def _take(
+    def _record(
         self,
         name: str,
         type_name: str,
@@ -394,9 +392,9 @@ class RecorderNode(FlightNode):
         data: bytes,
     ) -> None:
         if not self._membership.flight_id and requested is RECORDER_EVENTS:
-            # those of a flight before come to a late reader too: they are no flight to join
+            # a late reader also gets events of an earlier flight, which must not be joined
             arguments = (name, type_name, requested, is_ours, data)
-            self._held_back.append(lambda: self._take(*arguments))
+            self._held_back.append(lambda: self._record(*arguments))
             return
         try:
             stamp = stamp_of_cdr(data)
@@ -414,7 +412,7 @@ class RecorderNode(FlightNode):
             if stamp > self._latest:
                 self._latest = stamp
         else:
-            # somebody else's report, stamped by another clock
+            # a report of another node, stamped by the wall clock
             stamp = self._latest
         if name not in writer.counts:
             self._add_topic(writer, name, type_name, requested)
@@ -428,8 +426,8 @@ class RecorderNode(FlightNode):
     ) -> None:
         """Announce a topic with the QoS that its publishers offer at its first message.
 
-        A message can come before its publisher is known; what was asked for then stands in
-        the form in which discovery tells it, so that the bag is the same either way.
+        A message can arrive before its publisher is discovered; the requested QoS is then stored in
+        the form of a discovered one, so that the bag is the same either way.
         """
         publishers = self.get_publishers_info_by_topic(name)
         offered = {qos_of(publisher.qos_profile) for publisher in publishers}
@@ -451,7 +449,7 @@ class RecorderNode(FlightNode):
         self._inputs.clear()
         self._note_the_flight()
         if self._writer is not None and (self._unbegun or not self._received):
-            # a flight that never began leaves no bag
+            # a flight that never started leaves no bag
             self._writer.discard()
         self._try(lambda writer: writer.close())
         if self._writer is not None:
@@ -460,7 +458,7 @@ class RecorderNode(FlightNode):
         self._membership.say(State.FAILED if self.error else State.OVER, reason=self.error or "")
 
     def _note_the_flight(self) -> None:
-        """Say in the bag which flight it holds, and what is missing in it."""
+        """Store the flight's identity, foreign messages and losses in the custom data."""
         writer, mine = self._writer, self._membership
         if writer is None or writer.error is not None:
             return

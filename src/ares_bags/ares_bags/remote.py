@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A replay that others may pause and pace: parameters of its node."""
+"""Control a replay through parameters of its node."""
 
 # mypy: allow-untyped-calls
 # rclpy's functions have no types
@@ -15,10 +15,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_bags.playback import Playback
-from ares_node.diagnostics import PACE, PAUSED, Timing, pace_word
+from ares_node.diagnostics import PACE, PAUSED, Timing, pace_message
 from ares_node.qos import DIAGNOSTIC
 
-#: Wall time in s between words on the pace.
+#: Wall time in s between reports of the pace.
 WORD_PERIOD = 0.25
 
 
@@ -33,13 +33,13 @@ def _check(parameters: list[Parameter]) -> SetParametersResult:
 
 @contextmanager
 def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterator[None]:
-    """Obey from a thread of its own, and say the pace now and then.
+    """Serve the parameters in a thread, and publish the pace periodically.
 
     Args:
         node: of the replay, with parameter services; on no executor.
-        playback: what is commanded.
-        topic: where the pace is told: TIMING, in the namespace of the flight.
-        flight_id: the flight that is replayed.
+        playback: controlled by the parameters.
+        topic: topic of the reports: TIMING, in the namespace of the flight.
+        flight_id: identity of the replayed flight.
     """
     node.declare_parameter(PACE, playback.rate)
     node.declare_parameter(PAUSED, playback.paused)
@@ -53,7 +53,7 @@ def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterat
         say()
 
     def say() -> None:
-        out.publish(pace_word(node, flight_id, playback.rate, playback.paused))
+        out.publish(pace_message(node, flight_id, playback.rate, playback.paused))
 
     out = node.create_publisher(Timing, topic, DIAGNOSTIC)
     node.add_on_set_parameters_callback(_check)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Saving what is intact of a bag whose recorder was killed or whose file was damaged."""
+"""Save the intact messages of a bag whose recorder was killed or whose file was damaged."""
 
 import shutil
 from collections import Counter
@@ -18,20 +18,20 @@ from ares_bags.survey import UNREADABLE, chunk_content, chunk_records, parse
 from ares_bags.verify import Examination
 from ares_bags.writer import INCOMPLETE_KEY, BagWriter
 
-#: Custom data of a bag that was repaired and lost nothing; its text is what was wrong.
+#: Custom-data key of a bag repaired without loss; its text is the fault of the original.
 REPAIRED_KEY = "repaired"
 
 
 @dataclass
 class Repair:
-    """What a repair did.
+    """Hold the result of a repair.
 
     Attributes:
         path: folder of the new bag.
         counts: messages saved, by topic.
-        damaged_chunks: chunks that were dropped whole, since their contents cannot be proven.
-        problem: what was wrong with the original, one line.
-        lost: messages that were recorded and are not saved; None if nothing tells.
+        damaged_chunks: chunks dropped whole, because their checksum is wrong.
+        problem: fault of the original, one line.
+        lost: messages that were recorded and are not saved; None if unknown.
     """
 
     path: Path
@@ -42,12 +42,12 @@ class Repair:
 
     @property
     def saved(self) -> int:
-        """Messages saved in all."""
+        """Return the total number of messages saved."""
         return sum(self.counts.values())
 
     @property
     def loss(self) -> str:
-        """What is lost, in words."""
+        """Return a description of the loss."""
         if self.lost is None:
             return "how many messages are lost cannot be known"
         if not self.lost:
@@ -59,20 +59,20 @@ class Repair:
 
 
 def repair(path: Path | str, output: Path | str | None = None) -> Repair:
-    """Copy every intact message of a damaged bag into a new bag; the original stays as it is.
+    """Copy every intact message of a damaged bag into a new bag; leave the original unchanged.
 
     A chunk is copied if the checksum of its contents is right, and dropped whole if not: a
     wrong bit could be in any of its messages.
 
     Args:
         path: the damaged bag: folder or MCAP file.
-        output: folder of the new bag; default `<name>_repaired` beside the original.
+        output: folder of the new bag; default: `<name>_repaired` beside the original.
 
     Returns:
-        What was saved, and what was lost.
+        Numbers of messages saved and lost.
 
     Raises:
-        BagError: not a bag, nothing wrong with it, nothing to save, or the new bag cannot be
+        BagError: not a bag, no fault in it, no message to save, or the new bag cannot be
             written.
     """
     path = Path(path)
@@ -112,22 +112,22 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
 
 
 def _lost(found: Examination, saved: int) -> int | None:
-    """How many messages were recorded and are not saved; None if nothing tells."""
+    """Return the number of messages that were recorded and are not saved; None if unknown."""
     if found.result.expected is not None:
         return max(found.result.expected - saved, 0)
-    # without any count: nothing is missing between the header and the end of the data
+    # no recorded count: nothing is lost if the data section is whole from header to end
     spans = found.survey.spans
     ended = bool(spans) and spans[-1].opcode == Opcode.DATA_END
     return found.result.messages - saved if ended and found.whole else None
 
 
 def _custom_data(copies: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """What most copies of the custom data say, and the later of two."""
+    """Merge copies of the custom data: for each key the value of most copies, the later of two."""
     votes = {
         key: Counter(copy[key] for copy in reversed(copies) if key in copy)
         for key in dict.fromkeys(key for copy in copies for key in copy)
     }
-    # of three copies, a key that stands in one only is a misread one
+    # of three copies or more, a key in a single one is a misread key
     return {
         key: count.most_common(1)[0][0]
         for key, count in votes.items()
@@ -136,7 +136,7 @@ def _custom_data(copies: Sequence[Mapping[str, str]]) -> dict[str, str]:
 
 
 def _messages(found: Examination) -> Iterator[Message]:
-    """The messages that can be saved, in the order of recording."""
+    """Yield the intact messages in the order of recording."""
     data = found.survey.data
     for span in found.survey.spans:
         records: list[McapRecord | None] = []
@@ -149,7 +149,7 @@ def _messages(found: Examination) -> Iterator[Message]:
 
 
 def _copy(found: Examination, target: Path, custom_data: Mapping[str, str]) -> None:
-    """Write the new bag, whole or not at all."""
+    """Write the new bag; remove it if that fails."""
     writer = BagWriter(target, custom_data, flush_interval_s=float("inf"))
     try:
         with writer:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishing a bag again: the messages as recorded, with the clock that belongs to them."""
+"""Publish a bag again: its messages as recorded, with /clock."""
 
 # mypy: allow-untyped-calls
 # rclpy's functions have no types
@@ -40,27 +40,27 @@ from ares_node.security import (
 )
 from ares_node.time import NANOSECONDS, stamp_from_ns
 
-#: Messages between two waits for the readers' acknowledgement; below the publishers' depth.
+#: Messages between two waits for acknowledgement; below the publishers' depth.
 ACKNOWLEDGE_EVERY = 500
 ACKNOWLEDGE_TIMEOUT_S = 5.0
-#: So often a stop is looked for meanwhile: the command line has a second to end in good order.
+#: Interval of checks for a stop meanwhile: the command line must end cleanly within 1 s.
 ACKNOWLEDGE_SLICE = Duration(seconds=0.05)
 DEPTH = 1000
-#: Wall time in s to wait for readers that are known to come: their process may only just start.
+#: Wall time in s to wait for expected readers, whose process may still be starting.
 EXPECTED_READERS_S = 20.0
 
-#: Characters of a topic's full name that the middleware takes.
+#: Longest full name of a topic that the middleware accepts, characters.
 LONGEST_NAME = 247
 _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?", re.ASCII)
 
 
 @dataclass
 class Replay:
-    """What a replay published.
+    """Hold the result of a replay.
 
     Attributes:
-        counts: messages by topic as published.
-        loops: how often it began again.
+        counts: number of messages by published topic.
+        loops: number of repetitions after the first pass.
         complete: False if it was stopped before the end.
         wall_s: wall time from the first to the last message, s.
     """
@@ -73,15 +73,15 @@ class Replay:
 
 @dataclass(frozen=True)
 class Extract:
-    """What of a bag is published.
+    """Select the part of a bag to publish.
 
     Attributes:
-        topics: names, short or full; None: all whose types are installed, but /clock, which is
-            made anew.
-        start_s: flight time from which on; None: from the first message.
-        end_s: flight time up to which, messages of that time included; None: to the last.
-        loop: begin again at the end.
-        again: gets a line at each new beginning.
+        topics: names, full or their ends; None: all whose types are installed, except /clock,
+            which is generated.
+        start_s: first flight time, s; None: the first message.
+        end_s: last flight time, s, inclusive; None: the last message.
+        loop: start again at the end.
+        again: gets a line at each repetition.
     """
 
     topics: Sequence[str] | None = None
@@ -92,19 +92,19 @@ class Extract:
 
     @property
     def start_ns(self) -> int:
-        """From when on, ns."""
+        """Return the first flight time, ns."""
         return 0 if self.start_s is None else round(self.start_s * NANOSECONDS)
 
     @property
     def end_ns(self) -> int | None:
-        """Up to when, ns."""
+        """Return the last flight time, ns; None: no limit."""
         return None if self.end_s is None else round(self.end_s * NANOSECONDS)
 
     def names(self, bag: Bag) -> list[str]:
-        """Full names of the topics.
+        """Return the full names of the topics.
 
         Raises:
-            BagError: one that is asked for is not there, or cannot be published here.
+            BagError: a requested topic is missing, or cannot be published here.
         """
         if self.topics is not None:
             names = [bag.name_of(topic) for topic in self.topics]
@@ -117,10 +117,10 @@ class Extract:
         return names
 
     def check(self, bag: Bag) -> None:
-        """Read all that will be published: half a flight must not go out before damage is found.
+        """Read everything to be published: damage must be found before the first message goes out.
 
         Raises:
-            BagError: the bag is damaged, or holds nothing of it.
+            BagError: the bag is damaged, or holds no message of the extract.
         """
         count = 0
         for _ in bag.raw_messages(self.names(bag), self.start_ns, self.end_ns):
@@ -161,28 +161,27 @@ def replay(
     expected: Collection[str] = (),
     stopped: Callable[[], bool] = lambda: False,
 ) -> Replay:
-    """Publish a bag's messages in order of flight time, and /clock.
+    """Publish a bag's messages in order of flight time, with /clock.
 
-    Messages go out as recorded, byte for byte; messages of the same time in the order in
-    which they were recorded. /clock carries the flight time and comes before the messages of
-    that time.
+    Messages are published byte for byte; messages of equal time in recorded order. /clock
+    carries the flight time and precedes the messages of that time.
 
     Args:
         bag: the bag.
         context: an initialized context.
-        playback: its pace, and who changes it on the way; default real time.
-        extract: what of the bag; default all of it, once.
-        namespace: put in front of every topic name (`/again` + `/ares/nav_state`).
+        playback: rate, and control while the replay runs; default: real time.
+        extract: part of the bag; default: all of it, once.
+        namespace: prefix of every topic name (`/again` + `/ares/nav_state`).
         wait_for_readers_s: wall time in s to wait at most until every topic has a reader;
-            messages published before a reader is known do not reach it.
-        expected: ends of topic names whose readers are known to come: these are waited for longer,
-            EXPECTED_READERS_S at most.
-        stopped: looked at between messages; True ends the replay.
+            messages published before a reader is discovered do not reach it.
+        expected: ends of topic names whose readers are expected: wait for these up to
+            EXPECTED_READERS_S.
+        stopped: polled between messages; True ends the replay.
 
     Raises:
-        BagError: unknown topic, a type that is missing here or of another version, nothing
-            recorded in the time asked for, or the bag is damaged.
-        ValueError: the namespace is none.
+        BagError: unknown topic, a type that is missing here or of another version, no message
+            in the requested interval, or the bag is damaged.
+        ValueError: the namespace is invalid.
     """
     extract = extract or Extract()
     names = extract.names(bag)
@@ -207,7 +206,7 @@ def replay(
         _wait_for_readers(awaited, EXPECTED_READERS_S, stopped)
         _wait_for_readers(publishers.values(), wait_for_readers_s, stopped)
         run = _Run(bag, extract, publishers, clock, playback, stopped)
-        with remote(node, playback, _beside(full_names), _flight_of(bag)):
+        with remote(node, playback, _timing_topic(full_names), _flight_of(bag)):
             return run.publish()
     finally:
         node.destroy_node()
@@ -229,15 +228,15 @@ def _joined(namespace: str, name: str) -> str:
 
 
 def _flight_of(bag: Bag) -> int:
-    """Identity of the flight in a bag; 0 if it does not say."""
+    """Return the identity of the flight in a bag; 0 if unknown."""
     try:
         return int(bag.custom_data["flight_id"], 16)
     except (KeyError, ValueError):
         return 0
 
 
-def _beside(full_names: dict[str, str]) -> str:
-    """The topic TIMING in the namespace of the flight that is published."""
+def _timing_topic(full_names: dict[str, str]) -> str:
+    """Return the name of topic TIMING in the namespace of the published flight."""
     states = [full for full in full_names.values() if full.endswith(f"/{VEHICLE_STATE}")]
     home = states[0].removesuffix(VEHICLE_STATE) if states else "/"
     return f"{home}{TIMING}"
@@ -254,7 +253,7 @@ def _wait_for_readers(
 
 
 class _Run:
-    """One replay: the messages of its publishers, as often and from where it is asked."""
+    """Run one replay: publish the extract as often, and from the time, that is requested."""
 
     def __init__(
         self,
@@ -295,7 +294,7 @@ class _Run:
         return result
 
     def _once(self, start_ns: int) -> bool:
-        """Publish from a time on; False if it was stopped, or is to go on elsewhere."""
+        """Publish from a time, ns; return False if stopped, or if another time was requested."""
         messages = self._bag.raw_messages(self._publishers, start_ns, self._extract.end_ns)
         for log_time, group in groupby(messages, key=lambda entry: entry[1]):
             if not self._playback.wait_until(log_time / NANOSECONDS, self._stopped):
@@ -311,12 +310,12 @@ class _Run:
         self._result.counts[publisher.topic_name] += 1
         self._since_acknowledged += 1
         if self._since_acknowledged >= ACKNOWLEDGE_EVERY:
-            # a reliable publisher forgets what its depth cannot hold
+            # a reliable publisher drops messages beyond its depth
             self._catch_up()
             self._since_acknowledged = 0
 
     def _catch_up(self) -> None:
-        """Until all that was sent is acknowledged; a reader that hangs holds up nobody long."""
+        """Wait for all acknowledgements, ACKNOWLEDGE_TIMEOUT_S at most, or until stopped."""
         deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT_S
         for each in (*self._publishers.values(), self._clock):
             while not each.wait_for_all_acked(ACKNOWLEDGE_SLICE) and not self._stopped():
@@ -348,17 +347,17 @@ def run_replay(
     expected: Collection[str] = (),
     say: Callable[[str], None] = print,
 ) -> int:
-    """Replay a bag from the command line, until its end, a key or SIGINT or SIGTERM.
+    """Replay a bag from the command line, until its end, a key, SIGINT or SIGTERM.
 
-    Must be called from the main thread.
+    Call from the main thread.
 
     Args:
         path: the bag.
-        rate: flight seconds per wall second; 0 as fast as the readers acknowledge.
+        rate: flight seconds per wall second; 0: as fast as the readers acknowledge.
         extract: see `replay`.
         namespace: see `replay`.
         expected: see `replay`.
-        say: where the summary goes.
+        say: gets the summary.
 
     Returns:
         Exit status: 0, or 2 with one line on standard error.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag says about its topics: message definition, type hash, offered QoS.
+"""Describe topics as a bag does: message definition, type hash, offered QoS.
 
-Definition text and type hash come from the files that every built interface package
-installs (`share/<package>/msg/<Name>.msg` and `.json`), as rosbag2 takes them.
+Definition and hash come from the files that every interface package installs
+(`share/<package>/msg/<Name>.msg` and `.json`), as rosbag2 does it.
 """
 
 import json
@@ -24,23 +24,23 @@ _SEPARATOR = "=" * 80
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
 _FIELD = re.compile(r"^[ \t]*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+\w", re.MULTILINE)
 
-#: How rosbag2 writes a duration without limit.
+#: Value with which rosbag2 writes an unlimited duration.
 FOREVER_NS = 2**63 - 1
 
 
 @dataclass(frozen=True)
 class Qos:
-    """The QoS of a publisher, in rosbag2's words.
+    """Hold the QoS of a publisher in rosbag2's terms.
 
     Attributes:
         reliability: `reliable` or `best_effort`.
         durability: `volatile` or `transient_local`.
-        history: `keep_last`, `keep_all` or `unknown`; discovery does not tell it.
+        history: `keep_last`, `keep_all` or `unknown`; discovery does not report it.
         depth: messages kept; 0 if unknown.
         liveliness: `automatic` or `manual_by_topic`.
-        deadline_ns: ns; FOREVER_NS without limit. So are the next two.
-        lifespan_ns: ns.
-        liveliness_lease_ns: ns.
+        deadline_ns: ns; FOREVER_NS: no limit.
+        lifespan_ns: ns; FOREVER_NS: no limit.
+        liveliness_lease_ns: ns; FOREVER_NS: no limit.
     """
 
     reliability: str = "reliable"
@@ -53,7 +53,7 @@ class Qos:
     liveliness_lease_ns: int = FOREVER_NS
 
     def as_dict(self) -> dict[str, Any]:
-        """The entry of `offered_qos_profiles`, keys in rosbag2's order."""
+        """Return an entry of `offered_qos_profiles`, keys in rosbag2's order."""
         return {
             "history": self.history,
             "depth": self.depth,
@@ -68,7 +68,7 @@ class Qos:
 
     @staticmethod
     def from_dict(entry: dict[str, Any]) -> "Qos":
-        """The profile of one entry of `offered_qos_profiles`."""
+        """Make a profile from an entry of `offered_qos_profiles`."""
         return Qos(
             reliability=str(entry["reliability"]),
             durability=str(entry["durability"]),
@@ -83,7 +83,7 @@ class Qos:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag.
+    """Hold a topic of a bag.
 
     Attributes:
         name: full name (`/ares/nav_state`).
@@ -101,7 +101,7 @@ class Topic:
 
     @staticmethod
     def installed(name: str, type_name: str, qos: tuple[Qos, ...] = ()) -> "Topic":
-        """A topic of a type that is installed here.
+        """Make a topic of a type that is installed here.
 
         Raises:
             BagError: the type is not installed.
@@ -119,24 +119,24 @@ def _nanoseconds(entry: dict[str, int]) -> int:
 
 
 def dump_yaml(value: object) -> str:
-    """Block-style YAML, keys in the order given."""
+    """Return block-style YAML, keys in the order given."""
     return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=2**20)
 
 
-#: The loader in C, where there is one: several texts are read for each bag.
+#: The loader in C where available, for speed: each bag needs several texts.
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-#: Deepest nesting of a YAML text, and its values with all aliases followed.
+#: Deepest nesting of a YAML text; most values with all aliases expanded.
 _MAX_DEPTH = 32
 _MAX_VALUES = 100_000
-#: What the loader raises for a scalar that its tag does not fit.
+#: Errors of the loader for a scalar that does not match its tag.
 _UNFIT = (AttributeError, LookupError, OverflowError, TypeError, ValueError)
 
 
 def load_yaml(text: str) -> Any:
-    """The value of a YAML text.
+    """Parse a YAML text.
 
     Raises:
-        ValueError: it is not YAML, or grows or nests beyond what a bag needs.
+        ValueError: it is not YAML, or its size or nesting exceeds what a bag needs.
     """
     try:
         _check_size(text)
@@ -146,18 +146,18 @@ def load_yaml(text: str) -> Any:
 
 
 def _check_size(text: str) -> None:
-    """Refuse what would overflow the loader's stack, or grow without bound by its aliases.
+    """Refuse a text that would overflow the loader's stack, or whose aliases expand without bound.
 
     Raises:
         ValueError: it does; one line.
     """
-    # of each collection that is open: its anchor, and its values so far
+    # open collections: anchor, and number of values at their start
     opened: list[tuple[str | None, int]] = []
     sizes: dict[str, int] = {}
     values = 0
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
-            # an anchor that is still open would hold itself
+            # an alias to an open anchor would contain itself
             values += sizes.get(str(event.anchor), _MAX_VALUES)
         elif isinstance(event, yaml.CollectionStartEvent):
             opened.append((event.anchor, values))
@@ -176,13 +176,13 @@ def _check_size(text: str) -> None:
 
 @lru_cache
 def qos_text(qos: tuple[Qos, ...]) -> str:
-    """`offered_qos_profiles` of a channel: the YAML list as text; empty without profiles."""
+    """Return `offered_qos_profiles` of a channel: a YAML list as text; "" without profiles."""
     return dump_yaml([profile.as_dict() for profile in qos]) if qos else ""
 
 
 @lru_cache
 def qos_from_text(text: str) -> tuple[Qos, ...]:
-    """The profiles of a channel; those of older rosbag2 versions (numbers) are left out.
+    """Parse the profiles of a channel; leave out those of older rosbag2 versions (numbers).
 
     Raises:
         ValueError: the text is not a list of profiles.
@@ -195,7 +195,7 @@ def qos_from_text(text: str) -> tuple[Qos, ...]:
 
 
 def split_type_name(type_name: str) -> tuple[str, str]:
-    """Package and name of `package/msg/Name` or `package/Name`.
+    """Return package and name of `package/msg/Name` or `package/Name`.
 
     Raises:
         BagError: it is neither.
@@ -230,12 +230,12 @@ def _dependencies(text: str, package: str) -> list[str]:
 
 
 def message_definition(type_name: str) -> str:
-    """The ros2msg text of a type: its own text, then each dependency once.
+    """Return the ros2msg text of a type: its own text, then each dependency once.
 
     Order and separators are rosbag2's: depth first, sorted by name within a message.
 
     Raises:
-        BagError: the type, or one that it uses, is not installed.
+        BagError: the type, or one of its dependencies, is not installed.
     """
     seen: set[str] = set()
 
@@ -252,7 +252,7 @@ def message_definition(type_name: str) -> str:
 
 
 def type_hash(type_name: str) -> str:
-    """The RIHS01 hash of a type, as computed when its package was built.
+    """Return the RIHS01 hash of a type, as computed when its package was built.
 
     Raises:
         BagError: the type is not installed, or its description is broken.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A new end for an MCAP file whose writer could not go on.
+"""Write a new end for an MCAP file whose writer failed.
 
-A full disk leaves complete chunks without the index that readers ask for. The index is
-made here from the chunks, in the room that the writer has held for it behind them; where that could
-not be held, the last chunks make room.
+A full disk leaves complete chunks without the index that readers need. The index is
+rebuilt from the chunks and written into the space that the writer has reserved behind them;
+where none could be reserved, the last chunks are overwritten.
 """
 
 # mypy: allow-untyped-calls
@@ -36,7 +36,7 @@ from ares_bags.metadata import bag_information, record_data, write_metadata_file
 
 @dataclass
 class _Span(ChunkEntry):
-    """One chunk with its message indexes, its schemas and channels."""
+    """Hold one chunk with its message indexes, schemas and channels."""
 
     records: list[McapRecord] = field(default_factory=list)
 
@@ -50,7 +50,7 @@ class _Span(ChunkEntry):
         return self.index.message_index_offsets.keys() == self.counts.keys()
 
 
-def _span(chunk: Chunk, begin: int, end: int) -> _Span:
+def _indexed(chunk: Chunk, begin: int, end: int) -> _Span:
     index = ChunkIndex(
         message_start_time=chunk.message_start_time,
         message_end_time=chunk.message_end_time,
@@ -72,16 +72,16 @@ def _span(chunk: Chunk, begin: int, end: int) -> _Span:
 
 
 def _scan(path: Path) -> tuple[int, list[MetadataIndex], list[_Span]]:
-    """Where the first chunk begins, the metadata records before it, the complete chunks."""
+    """Return the offset of the first chunk, the metadata records before it, the complete chunks."""
     metadata: list[MetadataIndex] = []
     spans: list[_Span] = []
     begin = start = len(MCAP0_MAGIC)
-    # the reader raises one of many errors where the file breaks off; what came before is good
+    # where the file breaks off the reader raises errors of many types; the chunks before are intact
     with path.open("rb") as stream, suppress(Exception):
         for record in StreamReader(stream, emit_chunks=True).records:
             end = stream.tell()
             if isinstance(record, Chunk):
-                spans.append(_span(record, begin, end))
+                spans.append(_indexed(record, begin, end))
             elif isinstance(record, MessageIndex):
                 spans[-1].index.message_index_offsets[record.channel_id] = begin
                 spans[-1].index.message_index_length += end - begin
@@ -108,7 +108,7 @@ def _rewrite_end(path: Path, begin: int, end: bytes) -> None:
         view = memoryview(end)
         while view:
             view = view[stream.write(view) :]
-        # not before: what is given back is anybody's
+        # truncate last: other processes may take the freed space at once
         os.ftruncate(stream.fileno(), begin + len(end))
 
 
@@ -116,14 +116,14 @@ def seal(path: Path, custom_data: dict[str, str]) -> dict[str, Any]:
     """Close an MCAP file after its last complete chunk and write its `metadata.yaml`.
 
     Args:
-        path: the MCAP file, in the bag's folder; nobody else has it open for writing.
+        path: the MCAP file, in the bag's folder; no other process writes to it.
         custom_data: texts by name for the bag's metadata.
 
     Returns:
-        The metadata of what is left (see `bag_information`).
+        The metadata of the sealed bag (see `bag_information`).
 
     Raises:
-        OSError: there was no room even for an empty bag.
+        OSError: the disk has no space even for an empty bag.
     """
     start, metadata, spans = _scan(path)
     while True:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is where in an MCAP file that may be damaged anywhere.
+"""Locate the records of an MCAP file that may be damaged anywhere.
 
-The index at the end of the file, if its checksum is right, says where each chunk is; without
-it chunks are searched for. A chunk counts only if the checksum of its contents is right.
+The index at the end of the file, if its checksum is right, locates the chunks; without it the
+file is searched for them. A chunk counts only if the checksum of its contents is right.
 """
 
 # mypy: allow-untyped-calls
@@ -57,7 +57,7 @@ _FOOTER = Struct("<BQQQI")
 _LENGTH = Struct("<I")
 _LONG_LENGTH = Struct("<Q")
 
-#: What the parsers raise for bytes that are not what they should be.
+#: Errors of the parsers for invalid bytes.
 UNREADABLE = (McapError, ValueError, OverflowError, MemoryError, struct_error)
 
 _PRIVATE_OPCODES = 0x80
@@ -74,20 +74,20 @@ _KINDS: dict[int, Any] = {
     Opcode.DATA_END: DataEnd,
 }
 _COMPRESSIONS = ("", "zstd", "lz4")
-#: What chunks are searched by.
+#: Patterns by which chunks are found: their compression field.
 _COMPRESSED = re.compile(rb"\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4")
 _UNCOMPRESSED = re.compile(rb"\x06(?=[\x00-\xff]{36}\x00\x00\x00\x00)")
 
 
 @dataclass(frozen=True)
 class Span:
-    """Bytes of the file: a record, or a gap where no record can be made out.
+    """Hold the extent of a record, or of a gap in which no record can be recognized.
 
     Attributes:
         begin: offset of the first byte.
-        end: offset after the last one.
-        opcode: kind of the record, as it should be; None of a gap.
-        index: what the index says of a chunk; None without an index.
+        end: offset after the last byte.
+        opcode: expected kind of the record; None for a gap.
+        index: entry of a chunk in the index; None without an index.
     """
 
     begin: int
@@ -97,7 +97,7 @@ class Span:
 
 
 def map_file(path: Path) -> memoryview:
-    """The bytes of a file that is not empty.
+    """Return the bytes of a non-empty file.
 
     Raises:
         OSError: it cannot be read.
@@ -113,17 +113,17 @@ def map_file(path: Path) -> memoryview:
 
 
 def begins_well(data: memoryview) -> bool:
-    """Whether the magic stands at the beginning of a file; half of it in a file that is shorter."""
+    """Tell whether a file begins with the magic, or, if shorter, with its first bytes."""
     return MCAP0_MAGIC[: len(data)] == data[:MAGIC]
 
 
 def ends_well(data: memoryview) -> bool:
-    """Whether the magic stands at the end of a file."""
+    """Tell whether a file ends with the magic."""
     return len(data) >= 2 * MAGIC and data[-MAGIC:] == MCAP0_MAGIC
 
 
 def parse(data: memoryview, span: Span) -> McapRecord | None:
-    """The record of a span; None of a kind that says nothing about messages.
+    """Parse the record of a span; return None for a kind that says nothing about messages.
 
     Raises:
         UNREADABLE: its content is no such record.
@@ -148,7 +148,7 @@ def _message(body: bytes) -> Message:
 
 
 def read_summary(data: memoryview) -> tuple[Summary, int] | None:
-    """The summary of a file and the offset where it begins; None if the file has none.
+    """Return the summary of a file and its offset; None if the file has none.
 
     Raises:
         UNREADABLE: it is damaged.
@@ -167,7 +167,7 @@ def read_summary(data: memoryview) -> tuple[Summary, int] | None:
     if checksum and zlib.crc32(data[begin : end + _FOOTER.size - 4]) != checksum:
         raise ValueError("checksum of the summary is wrong")
     summary = Summary()
-    for span in walk(data, begin, end, []):
+    for span in records_between(data, begin, end, []):
         record = parse(data, span)
         if span.opcode is None:
             raise ValueError("summary is not made of records")
@@ -186,14 +186,14 @@ def read_summary(data: memoryview) -> tuple[Summary, int] | None:
     return summary, begin
 
 
-def walk(data: memoryview, begin: int, end: int, known: list[Span]) -> Iterator[Span]:
-    """All records between two offsets, and the gaps between them.
+def records_between(data: memoryview, begin: int, end: int, known: list[Span]) -> Iterator[Span]:
+    """Yield all records between two offsets, and the gaps between them.
 
     Args:
         data: the file.
         begin: offset of the first record.
         end: offset after the last one.
-        known: records whose place is certain, in order; after damage the walk goes on there.
+        known: records at known offsets, in order; after damage, reading resumes at the next one.
     """
     for span in [*known, Span(end, end, None)]:
         while begin < span.begin:
@@ -209,7 +209,7 @@ def walk(data: memoryview, begin: int, end: int, known: list[Span]) -> Iterator[
 
 
 def _record_end(data: memoryview, begin: int, limit: int) -> int | None:
-    """Where the record at an offset ends; None if there is no record."""
+    """Return the end offset of the record at an offset; None if there is no record."""
     if limit - begin < HEAD.size:
         return None
     opcode, length = HEAD.unpack_from(data, begin)
@@ -226,7 +226,7 @@ def _record_end(data: memoryview, begin: int, limit: int) -> int | None:
 
 
 def _compression_of(data: memoryview, begin: int) -> tuple[str, int]:
-    """The compression of the chunk at an offset, and the offset of its payload's length.
+    """Return the compression of the chunk at an offset, and the offset of its payload's length.
 
     Raises:
         UNREADABLE: there is no such chunk.
@@ -238,7 +238,7 @@ def _compression_of(data: memoryview, begin: int) -> tuple[str, int]:
 
 
 def _chunk_at(data: memoryview, begin: int) -> Span | None:
-    """The chunk at an offset, by the length of its payload; None if it is beyond the end."""
+    """Return the chunk at an offset, by the length of its payload; None if it exceeds the file."""
     try:
         _, at = _compression_of(data, begin)
         (size,) = _LONG_LENGTH.unpack_from(data, at)
@@ -249,9 +249,9 @@ def _chunk_at(data: memoryview, begin: int) -> Span | None:
 
 
 def packing(data: memoryview, chunk: Span) -> tuple[str, int]:
-    """A chunk's compression, and the offset of its payload, which ends with the chunk.
+    """Return a chunk's compression and the offset of its payload, which ends with the chunk.
 
-    What the index says goes before what stands in the chunk's head, where any bit may be wrong.
+    The index, which has a checksum, takes precedence over the chunk's head, which has none.
 
     Raises:
         UNREADABLE: there is no index and the head is damaged.
@@ -263,10 +263,10 @@ def packing(data: memoryview, chunk: Span) -> tuple[str, int]:
 
 
 def chunk_content(data: memoryview, chunk: Span) -> bytes:
-    """The uncompressed contents of a chunk, as they were written.
+    """Return the uncompressed contents of a chunk, verified by their checksum.
 
     Raises:
-        UNREADABLE: they are not what was written.
+        UNREADABLE: they are not as written.
     """
     *_, size, checksum = CHUNK_HEAD.unpack_from(data, chunk.begin + HEAD.size)
     if chunk.index is not None:
@@ -285,7 +285,7 @@ def chunk_content(data: memoryview, chunk: Span) -> bytes:
     try:
         stream, length = get_chunk_data_stream(packed)
     except Exception as error:
-        # each library for unpacking raises its own
+        # each decompression library raises its own errors
         raise ValueError(f"it cannot be unpacked: {cause(error)}") from error
     content = stream.read(length)
     if zlib.crc32(content) != checksum and (checksum or len(content) != size):
@@ -294,7 +294,7 @@ def chunk_content(data: memoryview, chunk: Span) -> bytes:
 
 
 def chunk_records(content: bytes) -> Iterator[tuple[int, McapRecord]]:
-    """Schemas, channels and messages of a chunk's contents, each with its offset there.
+    """Yield schemas, channels and messages of a chunk's contents with their offsets.
 
     Raises:
         UNREADABLE: the contents are not made of records.
@@ -314,7 +314,7 @@ def chunk_records(content: bytes) -> Iterator[tuple[int, McapRecord]]:
 
 
 def _search(data: memoryview) -> list[Span]:
-    """All chunks that can be read, found by what a chunk looks like."""
+    """Return all readable chunks, found by their compression field."""
     lead = HEAD.size + CHUNK_HEAD.size
     begins = {match.start() - lead for match in _COMPRESSED.finditer(data)}
     for match in _UNCOMPRESSED.finditer(data):
@@ -338,12 +338,12 @@ def _search(data: memoryview) -> list[Span]:
 
 @dataclass(frozen=True)
 class Survey:
-    """A file, read as far as it can be.
+    """Hold everything readable in a file.
 
     Attributes:
         data: its bytes.
         summary: the summary, if its checksum is right.
-        problem: what is wrong with the end of the file, a few words; empty if nothing is.
+        problem: fault of the end of the file, a few words; "" if there is none.
         spans: the records between the magic at the beginning and the summary, and the gaps.
     """
 
@@ -354,12 +354,12 @@ class Survey:
 
     @property
     def chunks(self) -> list[Span]:
-        """The chunks, readable or not."""
+        """Return the chunks, readable or not."""
         return [span for span in self.spans if span.opcode == Opcode.CHUNK]
 
 
 def survey(data: memoryview) -> Survey | None:
-    """Find out what is where in a file; None if nothing of it looks like an MCAP file."""
+    """Locate all records of a file; return None if nothing in it resembles an MCAP file."""
     summary = None
     end = len(data)
     problem = ""
@@ -377,14 +377,14 @@ def survey(data: memoryview) -> Survey | None:
     known = _known(summary, end) if summary and summary.chunk_indexes else _search(data)
     if not (begins_well(data) or ends_well(data) or summary or known):
         return None
-    spans = list(walk(data, MAGIC, end, known))
+    spans = list(records_between(data, MAGIC, end, known))
     if summary is None:
         spans = _data_section(_written(data, spans))
     return Survey(data, summary, problem, spans)
 
 
 def _written(data: memoryview, spans: list[Span]) -> list[Span]:
-    """All but the room that a recorder has held behind what it has written."""
+    """Remove the zeros that a recorder has reserved behind its last record."""
     if not spans or spans[-1].opcode is not None:
         return spans
     begin = spans[-1].begin
@@ -393,7 +393,7 @@ def _written(data: memoryview, spans: list[Span]) -> list[Span]:
 
 
 def _data_section(spans: list[Span]) -> list[Span]:
-    """All but a summary at the end, which nothing proves."""
+    """Cut off a summary at the end that no checksum proves."""
     last_chunk = max((n for n, span in enumerate(spans) if span.opcode == Opcode.CHUNK), default=0)
     for number, span in enumerate(spans):
         if number > last_chunk and span.opcode == Opcode.DATA_END:
@@ -402,7 +402,7 @@ def _data_section(spans: list[Span]) -> list[Span]:
 
 
 def _known(summary: Summary, end: int) -> list[Span]:
-    """The records that a summary tells the place of, in order."""
+    """Return the records located by a summary, in order."""
     spans = [
         Span(index.offset, index.offset + index.length, Opcode.METADATA)
         for index in summary.metadata_indexes
@@ -411,7 +411,7 @@ def _known(summary: Summary, end: int) -> list[Span]:
         end_of_chunk = index.chunk_start_offset + index.chunk_length
         spans.append(Span(index.chunk_start_offset, end_of_chunk, Opcode.CHUNK, index))
         begins = sorted(index.message_index_offsets.values())
-        # with one wrong bit in its opcode, one of these looks like a message
+        # listed here, because one wrong bit in its opcode turns one into a message
         ends = [*begins[1:], end_of_chunk + index.message_index_length]
         spans += [Span(*pair, Opcode.MESSAGE_INDEX) for pair in zip(begins, ends, strict=False)]
     ordered: list[Span] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message classes by name, and where a message keeps its time."""
+"""Find message classes by name; read stamps and identities from CDR."""
 
 import importlib
 from struct import Struct
@@ -18,7 +18,7 @@ _BIG_GUIDANCE = Struct(">Q")
 
 
 def message_class(type_name: str) -> Any:
-    """The Python class of `package/msg/Name`.
+    """Return the Python class of `package/msg/Name`.
 
     Raises:
         BagError: it is not installed.
@@ -31,7 +31,7 @@ def message_class(type_name: str) -> Any:
 
 
 def check_installed(bag: "Bag", topic: "BagTopic") -> None:
-    """See that the messages of a topic are of a type as it is installed here.
+    """Check that the type of a topic is installed here in the recorded version.
 
     Raises:
         BagError: the type is not installed, or in another version; one line.
@@ -45,18 +45,18 @@ def check_installed(bag: "Bag", topic: "BagTopic") -> None:
 
 
 def starts_with_stamp(kind: Any) -> bool:
-    """Whether a message class begins with a stamp or with a header, which begins with one."""
+    """Tell whether a message class begins with a stamp, or with a header, which begins with one."""
     first = next(iter(kind.get_fields_and_field_types().values()), "")
     return first in ("builtin_interfaces/Time", "std_msgs/Header")
 
 
 def names_its_flight(kind: Any) -> bool:
-    """Whether a message class begins with a stamp and the identity of a flight."""
+    """Tell whether a message class begins with a stamp and the identity of a flight."""
     return list(kind.get_fields_and_field_types())[:2] == ["stamp", "flight_id"]
 
 
 def flight_of_cdr(data: bytes) -> tuple[int, int]:
-    """Flight and, where the third field is one, sequence of a serialised flight message.
+    """Return flight and, if it is the third field, sequence of a serialized flight message.
 
     Raises:
         struct.error: fewer than 24 bytes.
@@ -67,7 +67,7 @@ def flight_of_cdr(data: bytes) -> tuple[int, int]:
 
 
 def guidance_of_cdr(data: bytes) -> int:
-    """Guidance that a serialised command or status is of: its third field.
+    """Return the guidance of a serialized command or status: its third field.
 
     Raises:
         struct.error: fewer than 28 bytes.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a bag is whole: every checksum, index, count and message held against each other."""
+"""Verify a bag: check every checksum, index, count and message against the others."""
 
 import zlib
 from collections import Counter
@@ -58,16 +58,16 @@ from ares_bags.writer import LIBRARY
 
 @dataclass
 class Verification:
-    """What a look at everything in a bag has found.
+    """Hold the result of a verification.
 
     Attributes:
         file: the MCAP file.
-        findings: what is wrong, one line each; empty if all is well.
-        messages: messages of described topics in chunks that can be read.
-        expected: messages that were recorded; None if nothing tells.
+        findings: faults, one line each; empty if there are none.
+        messages: messages of described topics in readable chunks.
+        expected: messages that were recorded; None if unknown.
         chunks: chunks, readable or not.
-        damaged_chunks: those whose contents are not what was written.
-        unproven_chunks: those that carry no checksum; a wrong bit in a message goes unnoticed.
+        damaged_chunks: chunks whose contents are not as written.
+        unproven_chunks: chunks without a checksum; a wrong bit in a message goes unnoticed.
         decoded: whether each message was decoded too.
         data_checksum: whether a checksum covers every byte before the index.
     """
@@ -84,12 +84,12 @@ class Verification:
 
     @property
     def lost(self) -> int | None:
-        """Messages that were recorded and cannot be read; None if nothing tells."""
+        """Return the messages that were recorded and cannot be read; None if unknown."""
         return None if self.expected is None else max(self.expected - self.messages, 0)
 
 
 def surveyed(path: Path, file: Path) -> Survey:
-    """What is where in an MCAP file of a bag.
+    """Locate the records of an MCAP file of a bag.
 
     Raises:
         BagError: it cannot be read, is empty or is not a bag.
@@ -106,11 +106,11 @@ def surveyed(path: Path, file: Path) -> Survey:
 
 
 def verify(path: Path | str, *, decode: bool = True) -> Verification:
-    """Read everything in a bag and hold it against everything else in it.
+    """Read everything in a bag and check it for consistency.
 
     Args:
         path: the bag's folder, its MCAP file or its `metadata.yaml`.
-        decode: decode each message too; without, checksums, indexes and counts only.
+        decode: decode each message too; otherwise only checksums, indexes and counts.
 
     Raises:
         BagError: it is not a bag, or not one of ROS 2.
@@ -123,7 +123,7 @@ def verify(path: Path | str, *, decode: bool = True) -> Verification:
 
 
 def _together(path: Path, parts: Sequence["Examination"]) -> Verification:
-    """What was found in the files of one bag."""
+    """Merge the results of a bag's files."""
     results = [part.result for part in parts]
     whole = Verification(path if path.is_dir() else path.parent, decoded=results[0].decoded)
     for result in results:
@@ -156,13 +156,13 @@ def _together(path: Path, parts: Sequence["Examination"]) -> Verification:
 
 
 class Examination:
-    """One look at everything in a bag.
+    """Examine one file of a bag.
 
     Attributes:
-        survey: what is where in the file.
-        result: what was found.
-        contents: schemas and channels, of the index and of all readable chunks.
-        copies: metadata of the bag, in the order of recording, with where each stands.
+        survey: records located in the file.
+        result: the findings.
+        contents: schemas and channels of the index and of all readable chunks.
+        copies: location and content of each copy of the bag's metadata, in order of recording.
         whole: whether every record and every chunk could be read.
     """
 
@@ -171,9 +171,9 @@ class Examination:
 
         Args:
             path: the bag.
-            file: of it.
+            file: one of its files.
             decode: see `verify`.
-            alone: there is no other, so the metadata count its messages.
+            alone: it is the only file, so the metadata count its messages.
         """
         self.survey = surveyed(path, file)
         self.data = self.survey.data
@@ -196,12 +196,12 @@ class Examination:
 
     @property
     def message_counts(self) -> dict[str, int]:
-        """Messages that can be read, by topic."""
+        """Return the readable messages by topic."""
         return self._by_topic(self._counts)
 
     @property
     def savable_counts(self) -> dict[str, int]:
-        """Those of them that are of topics of ROS 2."""
+        """Return the readable messages of ROS 2 topics by topic."""
         return self._by_topic([channel for channel in self._counts if self._of_ros(channel)])
 
     def _by_topic(self, channels: Iterable[int]) -> dict[str, int]:
@@ -221,7 +221,7 @@ class Examination:
         self.result.findings.append(printable(finding))
 
     def _records(self) -> None:
-        """Everything in the MCAP file."""
+        """Examine every record in the MCAP file."""
         found = self.survey
         if not begins_well(self.data):
             self._say("the first bytes are not those of an MCAP file")
@@ -249,7 +249,7 @@ class Examination:
             self._data_end(found.spans[-1])
 
     def _describe(self) -> None:
-        """What all readable chunks say of topics: the first that did may be damaged."""
+        """Collect the schemas and channels of all readable chunks, since any may be damaged."""
         for span in self.survey.spans:
             described: list[McapRecord | None] = []
             with suppress(*UNREADABLE):
@@ -263,7 +263,7 @@ class Examination:
                     self.contents.note(record)
 
     def _check_topics(self, channels: Sequence[int]) -> None:
-        """Raise if there is nothing of ROS 2; what is not, beside it, is counted only."""
+        """Raise if there is no ROS 2 topic; beside one, other topics are only counted."""
         refused: list[BagError] = []
         for channel in channels:
             try:
@@ -274,7 +274,7 @@ class Examination:
             raise refused[0]
 
     def _record(self, span: Span) -> McapRecord | None:
-        """The record of a span, None if it cannot be read."""
+        """Return the record of a span, None if it cannot be read."""
         if span.opcode is None or self.data[span.begin] != span.opcode:
             return None
         try:
@@ -283,7 +283,7 @@ class Examination:
             return None
 
     def _span(self, number: int, span: Span) -> None:
-        """One record before the summary, or a gap."""
+        """Examine one record before the summary, or a gap."""
         where = f"bytes {span.begin} to {span.end}"
         if span.opcode is None:
             self.whole = False
@@ -308,7 +308,7 @@ class Examination:
             self._loose(self._record(span), span, where)
 
     def _loose(self, record: McapRecord | None, span: Span, where: str) -> None:
-        """A record outside of the chunks."""
+        """Examine a record outside of the chunks."""
         if isinstance(record, Metadata):
             self._metadata.append(MetadataIndex(span.begin, span.end - span.begin, record.name))
             if record.name == RECORD_NAME:
@@ -319,10 +319,10 @@ class Examination:
         elif record is None:
             self._say(f"{where}: a record cannot be read")
         else:
-            self._take(record)
+            self._note(record)
 
-    def _take(self, record: McapRecord) -> None:
-        """A message, or a schema or channel, which must be the same wherever it stands."""
+    def _note(self, record: McapRecord) -> None:
+        """Count a message; check that a schema or channel does not contradict an earlier one."""
         if isinstance(record, Message):
             channel = self.contents.channels.get(record.channel_id)
             if channel is None:
@@ -340,7 +340,7 @@ class Examination:
             self.contents.note(record)
 
     def _decodes(self, message: Message) -> bool:
-        """Whether a message of a described topic can be decoded, or is none of ROS 2."""
+        """Tell whether a described message can be decoded; True if it is not of ROS 2."""
         if not self._of_ros(message.channel_id):
             return True
         schema = self.contents.schemas[self.contents.channels[message.channel_id].schema_id]
@@ -350,12 +350,12 @@ class Examination:
             assert decode is not None  # Contents.topic() has checked the encodings
             decode(message.data)
         except Exception:
-            # the decoder raises one of many
+            # the decoder raises errors of many types
             return False
         return True
 
     def _message_indexes(self, number: int) -> Iterator[Span]:
-        """The message indexes that stand from a span on, which belong to the chunk before."""
+        """Yield the message indexes from a span on, which belong to the chunk before."""
         spans = self.survey.spans
         while number < len(spans) and spans[number].opcode == Opcode.MESSAGE_INDEX:
             yield spans[number]
@@ -368,11 +368,11 @@ class Examination:
         records: Sequence[tuple[int, McapRecord]],
         message_indexes: Iterator[Span],
     ) -> None:
-        """A readable chunk: its head, its message indexes, its entry in the index."""
+        """Check a readable chunk: its head, its message indexes, its entry in the index."""
         place = f"chunk {len(self._indexes) + 1}"
         entries: dict[int, list[tuple[int, int]]] = {}
         for offset, record in records:
-            self._take(record)
+            self._note(record)
             if isinstance(record, Message):
                 entries.setdefault(record.channel_id, []).append((record.log_time, offset))
         times = [time for pairs in entries.values() for time, _ in pairs]
@@ -404,7 +404,7 @@ class Examination:
             self._say(f"{place}: the index does not fit it, or the message indexes after it")
 
     def _summary(self, summary: Summary) -> None:
-        """The counts, and where the metadata records are."""
+        """Check the statistics and the index of metadata records."""
         if summary.metadata_indexes and summary.metadata_indexes != self._metadata:
             self._say("the index of the metadata records is not that of those in the file")
         statistics = summary.statistics
@@ -433,7 +433,7 @@ class Examination:
                 self._say(f"the index says {name} is {said}, the file holds {value}")
 
     def _data_end(self, span: Span) -> None:
-        """The end of the data section, and the checksum of all before it."""
+        """Check the end of the data section, with its checksum of all bytes before."""
         record = self._record(span)
         if not isinstance(record, DataEnd) or span.end - span.begin != HEAD.size + 4:
             self._say(f"bytes {span.begin} to {span.end}: the end of the data is damaged")
@@ -445,7 +445,7 @@ class Examination:
                 self._say("a bit before the index has changed; no finer checksum covers it")
 
     def _all_metadata(self, path: Path | None) -> None:
-        """All copies of the metadata: against each other and against the messages."""
+        """Check all copies of the metadata against each other and against the messages."""
         in_file = len(self.copies)
         if path is not None:
             try:
@@ -467,7 +467,7 @@ class Examination:
                 self._information(where, copy)
 
     def _information(self, where: str, information: Mapping[str, Any]) -> None:
-        """A copy of the metadata that was made at the end, against the messages."""
+        """Check a final copy of the metadata against the messages."""
         if not self._ours:
             counts = recorded_counts([information])
             if counts and {name: n for name, n in counts.items() if n} != self.message_counts:
@@ -488,7 +488,7 @@ class Examination:
 
 
 def _head(index: ChunkIndex, checksum: int) -> bytes:
-    """The head that a chunk ought to have."""
+    """Return the head that a chunk must have."""
     return (
         HEAD.pack(Opcode.CHUNK, index.chunk_length - HEAD.size)
         + CHUNK_HEAD.pack(

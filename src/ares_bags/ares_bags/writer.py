@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writing a bag: a folder with one MCAP file and `metadata.yaml`, as rosbag2 has it.
+"""Write a bag: a folder with one MCAP file and `metadata.yaml`, in rosbag2's format.
 
 The file reaches the disk in complete chunks, at a bounded interval of time and of bytes, so
-that a killed process loses at most that interval. Room for the end of the file is held before each
-chunk is written, so that a full disk costs no message that has reached the file.
+that a killed process loses at most that interval. Space for the end of the file is reserved before
+each chunk is written, so that a full disk costs no message that has reached the file.
 """
 
 import errno
@@ -23,29 +23,29 @@ from ares_bags.metadata import bag_information, record_data, write_metadata_file
 from ares_bags.schema import Topic, qos_text
 from ares_bags.seal import seal
 
-#: Custom data of a bag that lost messages to a write error; its text is the error.
+#: Custom-data key of a bag that lost messages to a write error; its text is the error.
 INCOMPLETE_KEY = "incomplete"
-#: Before the identity of a guidance: custom data with what that one flew by, a JSON object.
+#: Prefix, before a guidance's identity, of the key of its settings, a JSON object.
 GUIDANCE_KEY = "guidance "
-#: Custom data with what the simulator flew, a JSON object: parameters, software, texts of files.
+#: Key of the simulator's settings, a JSON object: parameters, software, texts of files.
 SIMULATOR_KEY = "simulator"
-#: Custom data with when a flight was recorded, by the wall clock in UTC, and on what machine.
+#: Keys of the date of recording (UTC) and of the machine.
 DATE_KEY = "date"
 MACHINE_KEY = "machine"
 
-#: How the header of a file begins that was written here.
+#: Beginning of the library field in the header of a file written here.
 LIBRARY = "ares_bags"
 
 
-#: Bytes held for what is not known before the end: why there is no room, what guidance says last,
-#: larger counts, and two blocks that are not full.
+#: Bytes reserved for what is unknown before the end: the text of a write error, the last settings
+#: of guidance, larger counts, and two partly filled blocks.
 TO_SPARE = 16 * 1024
-#: What a file system says that cannot hold room for a file.
+#: Error numbers of file systems that cannot reserve space for a file.
 _CANNOT_HOLD = (errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class _WholeChunks:
-    """Output stream whose bytes reach the file at `flush` only, with room held behind them."""
+    """Write bytes to the file at `flush` only, with space reserved behind them."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
@@ -60,13 +60,13 @@ class _WholeChunks:
     def tell(self) -> int:
         return self._written + len(self._pending)
 
-    def hold(self, room: int) -> None:
-        """See that the file can grow to what waits to be written and so many bytes more.
+    def reserve(self, space: int) -> None:
+        """Reserve space for the pending bytes and `space` bytes more.
 
         Raises:
-            OSError: it cannot.
+            OSError: the disk is full.
         """
-        end = self.tell() + room
+        end = self.tell() + space
         if end <= self._held or not hasattr(os, "posix_fallocate"):
             return
         try:
@@ -77,7 +77,7 @@ class _WholeChunks:
         self._held = end
 
     def flush(self) -> None:
-        # of a chunk that is torn nothing counts: `seal` overwrites it
+        # a chunk that is cut short is not counted: `seal` overwrites it
         data = bytes(self._pending)
         done = 0
         while done < len(data):
@@ -85,8 +85,8 @@ class _WholeChunks:
         self._written += done
         self._pending.clear()
 
-    def give_back(self) -> None:
-        """Let go of the room that is held."""
+    def release(self) -> None:
+        """Release the reserved space."""
         os.ftruncate(self._descriptor, self._written)
 
     def close(self) -> None:
@@ -96,16 +96,16 @@ class _WholeChunks:
 
 
 class BagWriter:
-    """Writes one bag.
+    """Write one bag.
 
-    After a write error nothing more is taken: the bag is closed with all that was flushed before,
-    `error` says why, and every further `write` raises it again.
+    After a write error the bag is closed with everything flushed before; `error` holds the cause,
+    and every further `write` raises it again.
 
     Attributes:
         path: the bag's folder.
-        counts: messages taken so far, by topic; after an error, messages that are on disk.
-        error: the write error, None as long as all is well.
-        custom_data: texts by name for the bag's metadata; may be added to until `close`.
+        counts: messages written so far by topic; after an error, messages on disk.
+        error: the write error; None if there was none.
+        custom_data: texts by name for the bag's metadata; may be extended until `close`.
     """
 
     def __init__(
@@ -156,14 +156,14 @@ class BagWriter:
             raise BagError(f"bag {self.path} cannot be created: {cause(error)}") from error
         try:
             self._output = _WholeChunks(self.file)
-            # a killed recorder leaves at least what the bag is about
+            # the custom data go first, so that a killed recorder leaves at least them
             self._chunks = ChunkedFile(self._output, LIBRARY, record_data(self._information()))
             self._output.flush()
             with suppress(OSError):
-                # on a disk that is nearly full the bag will end soon
-                self._output.hold(self._room())
+                # on a nearly full disk the next flush will fail and seal the bag
+                self._output.reserve(self._needed())
         except BaseException as error:
-            # a signal too: nobody could close it
+            # BaseException: after a signal nobody could close the file
             with suppress(OSError):
                 self.file.unlink(missing_ok=True)
                 self.path.rmdir()
@@ -173,7 +173,7 @@ class BagWriter:
         self._open = True
 
     def __enter__(self) -> Self:
-        """The writer."""
+        """Return the writer."""
         return self
 
     def __exit__(
@@ -182,11 +182,11 @@ class BagWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close, whatever happened."""
+        """Close the bag, also after an error."""
         self.close()
 
     def add_topic(self, topic: Topic) -> None:
-        """Announce a topic; a topic of that name that is known already stays as it is."""
+        """Announce a topic; ignore it if its name is known."""
         if topic.name in self._channels:
             return
         schema = self._schemas.get(topic.type_name)
@@ -203,7 +203,7 @@ class BagWriter:
     def write(
         self, topic: str, log_time_ns: int, data: bytes, publish_time_ns: int | None = None
     ) -> None:
-        """Take one message.
+        """Write one message.
 
         Args:
             topic: name of a topic that was added.
@@ -234,7 +234,7 @@ class BagWriter:
             self.flush()
 
     def note(self) -> None:
-        """Bring custom data that have been added to the file, if no message is there yet.
+        """Write extended custom data to the file, if it has no message yet.
 
         Raises:
             BagError: the bag could not be written; it is closed then.
@@ -244,13 +244,13 @@ class BagWriter:
         self._noted = dict(self.custom_data)
         try:
             self._chunks.note(record_data(self._information()))
-            self._output.hold(self._room())
+            self._output.reserve(self._needed())
             self._output.flush()
         except OSError as error:
             raise self._fail(error) from error
 
     def flush(self) -> None:
-        """Bring everything taken so far to the file, as a complete chunk.
+        """Write all messages so far to the file, as a complete chunk.
 
         Raises:
             BagError: the bag could not be written; it is closed then.
@@ -261,13 +261,13 @@ class BagWriter:
         self._unflushed = 0
         try:
             self._chunks.end_chunk()
-            self._output.hold(self._room())
+            self._output.reserve(self._needed())
             self._output.flush()
         except OSError as error:
             raise self._fail(error) from error
 
     def close(self) -> None:
-        """Write the end of the file and `metadata.yaml`. Closing twice does nothing.
+        """Write the end of the file and `metadata.yaml`; do nothing if closed.
 
         Raises:
             BagError: the bag could not be completed; what fits on the disk is readable.
@@ -279,7 +279,7 @@ class BagWriter:
         try:
             self._chunks.end(record_data(information))
             self._output.flush()
-            self._output.give_back()
+            self._output.release()
             self._open = False
             self._output.close()
             write_metadata_file(self.path, information)
@@ -287,7 +287,7 @@ class BagWriter:
             raise self._fail(error) from error
 
     def discard(self) -> None:
-        """Remove a bag that is open; nothing of it is left."""
+        """Remove an open bag from the disk."""
         self._open = False
         self._output.close()
         with suppress(OSError):
@@ -299,8 +299,8 @@ class BagWriter:
         counts = [(topic, self.counts[topic.name]) for topic in self._topics.values()]
         return bag_information(self.file.name, counts, span, self.custom_data)
 
-    def _room(self) -> int:
-        """Bytes for the end of the file as it is now, and for `metadata.yaml`."""
+    def _needed(self) -> int:
+        """Return the bytes needed for the end of the file as it is now, and for `metadata.yaml`."""
         known = (len(self._topics), sum(map(len, self.custom_data.values())))
         if known != self._measured:
             self._measured = known

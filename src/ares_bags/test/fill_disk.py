@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes bags where there is no room for them; run as a process by test_full_disk.py.
+"""Write bags where the disk is too small; run as a process by test_full_disk.py.
 
-Arguments: folder, limits on the size of a file in bytes; none: the folder is a small disk, which is
-filled. Prints one JSON object per bag.
+Arguments: folder, limits on the size of a file in bytes; without limits, the folder is a small
+disk, which is filled. Prints one JSON object per bag.
 """
 
 import json
@@ -27,7 +27,7 @@ FLUSH_EVERY = 20
 def write(
     path: Path, meanwhile: Callable[[int], None] = lambda _flushed: None
 ) -> dict[str, object]:
-    """Write until there is no room; what the writer says then, and what had been flushed.
+    """Write until the disk is full; return the writer's error and the number of messages flushed.
 
     Args:
         path: of the bag.
@@ -68,7 +68,7 @@ def write(
 
 
 def fill(folder: Path) -> dict[str, object]:
-    """Write a bag to a disk that others fill to the last byte; what is left of it."""
+    """Write a bag to a disk that others fill to the last byte; return its remains."""
 
     def fill_up(flushed: int) -> None:
         if flushed < len(MESSAGES) / 2:
@@ -91,7 +91,7 @@ def fill(folder: Path) -> dict[str, object]:
 
 
 def main() -> None:
-    """One bag per limit, or one on a full disk."""
+    """Write one bag per limit, or one on a full disk."""
     folder = Path(sys.argv[1])
     if len(sys.argv) == 2:
         print(json.dumps(fill(folder)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a bag until it is killed; run as a process by test_repair.py. Argument: folder."""
+"""Write a bag until killed; run as a process by test_repair.py. Argument: folder."""
 
 import itertools
 import sys
@@ -11,7 +11,7 @@ from ares_trials.testing.bags import CUSTOM_DATA, messages, topics
 
 
 def main() -> None:
-    """Print the number of messages taken after each of them."""
+    """Print the number of messages written after each of them."""
     writer = BagWriter(Path(sys.argv[1]), CUSTOM_DATA, flush_interval_s=0.05)
     for topic in topics():
         writer.add_topic(topic)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file that may not grow: the bag ends there, is readable by everybody, and says why."""
+"""A file that cannot grow: the bag ends there, stays readable, and states the cause."""
 
 import errno
 import json
@@ -65,7 +65,7 @@ def test_every_limit_leaves_a_readable_bag(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_costs_no_message_that_was_flushed(tmp_path: Path) -> None:
-    """Others fill it to the last byte; the room for the bag's end is held."""
+    """Fill the disk to the last byte: the space for the bag's end is reserved."""
     disk = (
         f"mount -t tmpfs -o size=256k tmpfs {tmp_path} && exec {sys.executable} {FILL} {tmp_path}"
     )
@@ -99,7 +99,7 @@ def test_no_room_for_a_bag_at_all(tmp_path: Path) -> None:
 
 
 def test_no_room_for_metadata_yaml(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The file ended well, `metadata.yaml` did not: chunks make room until it fits."""
+    """Refuse `metadata.yaml` after the file has its end: chunks are dropped until it fits."""
     refusals = 3
 
     real = Path.replace

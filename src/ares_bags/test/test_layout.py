@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages read all at once say what they say when read one by one."""
+"""Messages read all at once give the same numbers as messages read singly."""
 
 from pathlib import Path
 

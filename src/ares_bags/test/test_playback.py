@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pace of a replay, and the keys that change it."""
+"""The rate of a replay, and the keys that change it."""
 
 import math
 import os
@@ -22,7 +22,7 @@ from ares_trials.testing.bags import NAV, START_NS, write_bag
 
 
 class Clock:
-    """Wall time that passes in naps only; what is to happen at a time happens there."""
+    """Advance time by sleeps only; run each scheduled action at its time."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -139,7 +139,7 @@ sys.exit(run_replay(sys.argv[1], rate=0.25))
 
 
 class Terminal:
-    """A replay with a terminal in front of it."""
+    """Run a replay with a terminal of its own."""
 
     def __init__(self, environment: dict[str, str], path: Path) -> None:
         self.master, self.slave = pty.openpty()
@@ -165,7 +165,7 @@ class Terminal:
         os.write(self.master, keys.encode())
 
     def press_until(self, keys: str, text: str) -> None:
-        """Nothing has been sent yet at first: there is no place to go on from."""
+        """Press keys until a text appears; before the first message there is no position."""
         while text not in self.text:
             self.press(keys)
             if select.select([self.master], [], [], 0.2)[0]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading bags: columns, names, and one line for whatever is wrong."""
+"""Reading bags: columns, names, and one line for each fault."""
 
 import shutil
 from pathlib import Path

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder node: what was published is in the bag, whatever ends the recording."""
+"""The recorder node: published messages are in the bag, however the recording ends."""
 
 import json
 import os
@@ -59,7 +59,7 @@ PATIENCE_S = 120
 
 @dataclass
 class Source:
-    """A node that publishes made-up flights and listens to /diagnostics."""
+    """Publish a synthetic flight and listen to /diagnostics."""
 
     context: Context
     node: Node
@@ -79,7 +79,7 @@ class Source:
         self.wait_for_delivery()
 
     def wait_for_delivery(self) -> None:
-        """Wait until what was published lies in the queues of its readers."""
+        """Wait until the messages published are in the queues of all subscriptions."""
         for publisher in (self.nav, self.event, self.diagnostics):
             assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S))
 
@@ -180,7 +180,7 @@ def test_what_is_published_is_in_the_bag(source: Source, recorders: Any, tmp_pat
 
 
 def test_qos_is_that_of_the_publisher(source: Source, recorders: Any, tmp_path: Path) -> None:
-    """Another publisher's profile, as discovery tells it, not what the recorder asked for."""
+    """Publish with another profile: the bag has the discovered one, not the requested one."""
     other = source.node.create_publisher(
         NavState, "nav_state", QoSProfile(depth=3, durability=EVENTS.durability)
     )
@@ -313,7 +313,7 @@ def test_full_disk_is_reported_once_and_the_flight_goes_on(
 
 
 def wait_until_saved(bag: Path, count: int) -> None:
-    """Wait until the file of a bag that is being recorded holds so many navigation states."""
+    """Wait until the file of a bag being recorded holds `count` navigation states."""
     while recorded_so_far(bag)[NAV] < count:
         time.sleep(0.02)
 
@@ -412,7 +412,7 @@ def test_a_process_that_cannot_start_ends_with_status_2(
 def test_two_recorders_write_equal_bags(
     source: Source, recorders: Any, ros_environment: dict[str, str], tmp_path: Path
 ) -> None:
-    """One in this process, one in another: equal decoded messages at equal times."""
+    """Record in this process and in another: decoded messages and times are equal."""
     recorder = recorders(bag=str(tmp_path / "one"))
     process = start_process(ros_environment, tmp_path / "two")
     try:
@@ -526,7 +526,7 @@ def test_the_simulator_says_how_many_states_there_were(
 def test_a_flight_that_is_refused_leaves_no_bag(
     source: Source, recorders: Any, tmp_path: Path, words: tuple[State, ...]
 ) -> None:
-    """Its first state has been told, for a plan that was not found."""
+    """Refuse a flight after its first state, as for a plan that was not found."""
     simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
     simulator.listen()
     recorder = recorders(bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID, topics=["nav_state"])
@@ -585,7 +585,7 @@ def test_guidance_says_how_many_statuses_there_were(
 def test_a_recorder_that_is_killed_leaves_what_was_flown(
     source: Source, recorders: Any, tmp_path: Path
 ) -> None:
-    """The file has it before the first message."""
+    """Check that the file has the settings before the first message."""
     simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
     guidance = Membership(source.node, Role.GUIDANCE, "ares_v", FLIGHT_ID)
     told = {
@@ -593,7 +593,7 @@ def test_a_recorder_that_is_killed_leaves_what_was_flown(
         f"guidance {id_text(guidance.member_id)}": '{"law": "peg"}',
     }
     for member, settings in zip((simulator, guidance), told.values(), strict=True):
-        member.tell_settings(settings)
+        member.announce_settings(settings)
     simulator.listen()
     guidance.listen()
     recorder = recorders(

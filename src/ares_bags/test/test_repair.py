@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Killed recorders, cut files, damaged files: what is complete is saved, the rest is named."""
+"""Killed recorders, cut and damaged files: intact messages are saved, losses are reported."""
 
 import hashlib
 import subprocess
@@ -146,7 +146,7 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(tmp_path: Path) -> None
 
 
 def test_every_damaged_byte_is_one_line(tmp_path: Path) -> None:
-    """Whatever byte is wrong: one BagError, or the message is not touched by it."""
+    """Damage bytes one by one: the result is one BagError, or no message is affected."""
     bag = write_bag(tmp_path / "flight", 60)
     file = file_of(bag)
     data = file.read_bytes()

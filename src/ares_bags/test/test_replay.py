@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay: equal messages in equal order, with the clock, at a pace."""
+"""Replay: equal messages in equal order, with the clock, at a rate."""
 
 import itertools
 import signal
@@ -54,7 +54,7 @@ def listener(ros_context: Context, executor: Executor) -> Iterator[Node]:
 
 
 def in_background(executor: Executor, work: Any, arrived: Callable[[], bool] = lambda: True) -> Any:
-    """Run `work` in a thread while the executor spins here, until all that it sent has arrived.
+    """Run `work` in a thread and spin the executor until all its messages have arrived.
 
     Returns:
         The result of `work`, or its error.
@@ -141,7 +141,7 @@ def test_order_and_clock(
 
 
 class NapClock:
-    """Time that passes in naps only, whatever else the machine does meanwhile."""
+    """Advance time by sleeps only, independent of the machine."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -157,7 +157,7 @@ class NapClock:
 def test_a_reader_that_is_known_to_come_is_waited_for(
     executor: Executor, listener: Node, ros_domain: int, tmp_path: Path
 ) -> None:
-    """Its process may start after the publishers are there: nothing goes out before it hears."""
+    """Subscribe after the publishers exist: no message goes out before."""
     heard: list[int] = []
     bag = open_bag(write_bag(tmp_path / "flight", COUNT))
 
@@ -191,7 +191,7 @@ def test_pace_namespace_and_topics(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """5.9 s of flight at ten times real time."""
+    """Replay 5.9 s of flight at ten times real time."""
     clock = NapClock()
     monkeypatch.setattr("ares_bags.replay.time", clock)
     monkeypatch.setattr("ares_bags.playback.time", clock)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as `ros2 bag record` writes them: chunked in every way, split, packed, by the wall clock."""
+"""Bags of `ros2 bag record`: chunked in every way, split, packed, with wall-clock times."""
 
 from pathlib import Path
 
@@ -39,10 +39,10 @@ def ours(tmp_path_factory: pytest.TempPathFactory) -> Bag:
 
 
 def write_file(path: Path, part: slice = slice(None), wall: bool = True, **how: object) -> int:
-    """One file of a split bag: messages of ours, of another package, and of no ROS at all.
+    """Write one file of a split bag: our messages, one of another package, one not of ROS.
 
     Returns:
-        How many messages there are in it.
+        Number of its messages.
     """
     written = list(messages(COUNT))[part]
     with path.open("wb") as stream:
@@ -70,7 +70,7 @@ def write_file(path: Path, part: slice = slice(None), wall: bool = True, **how: 
 
 
 def write_split(folder: Path, version: int = 9, **how: object) -> Path:
-    """A bag of three files, the third of which comes before the second by name only."""
+    """Write a bag of three files, whose third sorts before the second by name."""
     folder.mkdir()
     parts = (slice(0, 15), slice(15, 30), slice(30, None))
     names = [f"{folder.name}_{number}.mcap" for number in (9, 10, 11)]
@@ -92,7 +92,7 @@ def write_split(folder: Path, version: int = 9, **how: object) -> Path:
 
 
 def assert_ours(bag: Bag, ours: Bag) -> None:
-    """The messages of the flight, at their flight times."""
+    """Assert that the messages of the flight have their flight times."""
     assert differences(ours, bag, list(ours.topics), limit=1) == []
     assert "/video" not in bag.topics
     assert "is h264/no schema; expected cdr/ros2msg" in bag.left_out["/video"]

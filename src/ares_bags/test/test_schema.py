@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Definitions and type hashes against those that the rosbags library works out by itself."""
+"""Definitions and type hashes compared with those computed by the rosbags library."""
 
 import pytest
 from hypothesis import given

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag as rosbag2 Jazzy writes it, held against two other readers."""
+"""A bag in the format of rosbag2 Jazzy, checked with two other readers."""
 
 import math
 from dataclasses import fields, is_dataclass
@@ -37,7 +37,7 @@ COUNT = 100
 
 
 def plain(value: Any) -> Any:
-    """A message of either library as plain lists and numbers; NaN becomes None."""
+    """Convert a message of either library to plain lists and numbers; NaN becomes None."""
     if isinstance(value, (str, bool, int)):
         return value
     if isinstance(value, float):
@@ -110,7 +110,7 @@ def test_rosbags_sees_type_hash_qos_times_and_custom_data(tmp_path: Path) -> Non
 
 
 def shape(value: Any) -> Any:
-    """Keys and types of a YAML document, without its values."""
+    """Return keys and types of a YAML document, without its values."""
     if isinstance(value, dict):
         return {key: shape(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -222,7 +222,7 @@ def test_flushed_messages_are_on_disk_before_the_end(tmp_path: Path) -> None:
 
 
 def test_the_room_that_is_held_is_no_damage(tmp_path: Path) -> None:
-    """A killed recorder leaves it: what is found is what is found without it."""
+    """Compare a killed recorder's file with and without its reserved space."""
     writer = BagWriter(tmp_path / "flight", flush_interval_s=1e9)
     for topic in topics():
         writer.add_topic(topic)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `ares` command and the judge's process: what runs before any slow import."""
+"""Start the `ares` command or the judge, without any slow import."""
 
 import gc
 import sys
@@ -13,7 +13,7 @@ EXIT_INTERRUPTED = 130
 
 
 def main() -> int:
-    """Run the command line if all that it needs is installed."""
+    """Run the command line if everything it needs is installed."""
     end_at_once()
     leave_the_end_alone()
     keep_standard_streams()
@@ -28,14 +28,14 @@ def main() -> int:
         print(f"ares: {reason}", file=sys.stderr)
         return EXIT_BAD_INPUT
     status = run()
-    # nothing is looked through for garbage at the very end: 0.2 s
+    # saves 0.2 s: no final garbage collection
     gc.freeze()
     return status
 
 
 def judge() -> int:
-    """Run the judge's node until it has spoken or a signal comes."""
-    # a judge that is stopped has no good word to say
+    """Run the judge's node until it has given its verdict or a signal comes."""
+    # a judge that is stopped must not exit with the status of a good flight
     return enter("ares_bringup", "ares_bringup.judge:JudgeNode", "judge", stopped=EXIT_INTERRUPTED)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page that follows a flight, in a process of its own: no flight needs it."""
+"""Run the live page of a flight in a process of its own, without which the flight goes on."""
 
 import os
 import socket
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
 
 LIVE = "live"
 MODULE = "ares_view.live"
-#: What it means that its process has ended.
+#: Consequence of the end of its process, for the message.
 PAGELESS = "the flight goes on without its page"
 
-#: Wall time in s for the page to be served, and opened, before the flight begins without it.
+#: Wall time in s within which the page must be served and opened; then the flight begins without.
 PATIENCE = 10.0
-#: Wall time in s after which the person who has not opened it yet is told so.
+#: Wall time in s after which the user is told that the flight waits for the page.
 TELL_AFTER = 3.0
-#: Wall time in s for its process to end.
+#: Wall time in s within which its process must end.
 STOP_TIMEOUT = 3.0
 
 
 def page_parameters(live: LiveOptions, mission: str, flight_id: int) -> dict[str, Any]:
-    """Parameters of the page's node, which will be served as asked for.
+    """Return the parameters of the page's node, checked.
 
     Args:
-        live: how to serve it.
-        mission: that is flown.
-        flight_id: of the flight; 0: whichever there is.
+        live: options of the page.
+        mission: flown mission.
+        flight_id: of the flight; 0: the first one heard.
 
     Raises:
-        CannotStart: it cannot be served so; one line.
+        CannotStart: it cannot be served with these options; one line.
     """
     if reason := unmet("ares_view", "live"):
         raise CannotStart(reason)
@@ -60,12 +60,12 @@ def page_parameters(live: LiveOptions, mission: str, flight_id: int) -> dict[str
 
 
 class Audience:
-    """Who looks at a flight; nobody, if no page was asked for."""
+    """Run the live page of a flight; do nothing if none was requested."""
 
     def __init__(
         self, options: FlyOptions, summary: FlightSummary, say: Callable[[str], None]
     ) -> None:
-        """Look whether the page can be served.
+        """Check that the page can be served.
 
         Args:
             options: of the flight, with or without a page.
@@ -85,7 +85,7 @@ class Audience:
             self._parameters = page_parameters(options.live, options.mission, summary.flight_id)
 
     def __enter__(self) -> Self:
-        """Nobody is there yet."""
+        """Return the object; start nothing."""
         return self
 
     def __exit__(
@@ -98,7 +98,7 @@ class Audience:
         self._held.close()
 
     def come(self, monitor: "FlightMonitor") -> None:
-        """Start to serve the page; the flight does not begin before it is.
+        """Start the page's process; hold the flight until the page is served.
 
         Args:
             monitor: of the flight.
@@ -114,10 +114,10 @@ class Audience:
         monitor.held = True
 
     def look(self, monitor: "FlightMonitor") -> None:
-        """Let the flight begin when it is time; say if the page has gone.
+        """Release the flight when the page is ready or the time is up; report an ended page.
 
         Raises:
-            CannotStart: it cannot be served; it has said why.
+            CannotStart: it cannot be served; its process has printed the reason.
         """
         if self._crew is None or self._live is None:
             return
@@ -135,7 +135,7 @@ class Audience:
             self._say(f"the flight begins when the page is open, in {left:.0f} s at the latest")
 
     def leave(self, monitor: "FlightMonitor") -> None:
-        """The flight is over: tell the page what it came to, and end it."""
+        """Send the page the verdict and end its process."""
         if self._crew is not None and self._crew.running():
             monitor.say_verdict()
             self._crew.stop([LIVE], STOP_TIMEOUT)
@@ -143,15 +143,15 @@ class Audience:
 
 @contextmanager
 def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
-    """A page on whatever comes, from when it can be opened to the end of the block.
+    """Serve a page on any flight until the end of the block; wait until it can be opened.
 
     Args:
-        live: how to serve it.
-        mission: path of its file; empty: the page has no names of it.
+        live: options of the page.
+        mission: path of its file; "": the page has no names from it.
         namespace: of the flight.
 
     Raises:
-        CannotStart: it cannot be served so; one line.
+        CannotStart: it cannot be served with these options; one line.
     """
     parameters = page_parameters(live, mission, 0)
     with Crew() as crew:
@@ -166,16 +166,16 @@ def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
 
 
 def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) -> NoReturn:
-    """Serve a page on whatever flies in a domain, until a signal comes.
+    """Serve a page on any flight in a domain, until a signal comes.
 
     Args:
-        live: how to serve it.
-        mission: name or path; empty: as the simulator says.
+        live: options of the page.
+        mission: name or path; "": the one announced by the simulator.
         namespace: of the flight.
         domain: ROS domain; None: that of the environment.
 
     Raises:
-        CannotStart: it cannot be served so; one line.
+        CannotStart: it cannot be served with these options; one line.
     """
     from ares_bringup.fly import absolute_namespace, mission_facts
 

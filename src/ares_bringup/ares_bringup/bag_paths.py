@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a new bag goes and what it is called."""
+"""Choose folder and name of a new bag."""
 
 import os
 from datetime import UTC, datetime
@@ -10,7 +10,7 @@ BAGS_VARIABLE = "ARES_BAGS"
 
 
 def workspace_root() -> Path | None:
-    """The workspace that this package was built from or lies in; None outside of one."""
+    """Find the workspace that holds this package or its sources; None outside of one."""
     for start in (Path(__file__), Path(__file__).resolve()):
         for folder in start.parents:
             if (folder / "src" / "ares_bringup" / "package.xml").is_file():
@@ -19,7 +19,7 @@ def workspace_root() -> Path | None:
 
 
 def bags_folder() -> Path:
-    """Folder of new bags: $ARES_BAGS, else `bags` of the workspace, else `bags` here."""
+    """Return the folder of new bags: $ARES_BAGS, else `bags` of the workspace, else `./bags`."""
     named = os.environ.get(BAGS_VARIABLE)
     if named:
         return Path(named)
@@ -27,12 +27,12 @@ def bags_folder() -> Path:
 
 
 def new_bag(mission: str, folder: Path | None = None, now: datetime | None = None) -> Path:
-    """A path that does not exist yet: `<mission>_<date>T<time>Z`, UTC, so that names sort.
+    """Return an unused path `<mission>_<date>T<time>Z`, in UTC, so that names sort by time.
 
     Args:
         mission: name of the mission.
-        folder: where; default `bags_folder()`.
-        now: time of the flight; default the present.
+        folder: parent folder; default: `bags_folder()`.
+        now: time of the flight; default: the present.
     """
     folder = folder or bags_folder()
     stem = f"{mission}_{now or datetime.now(UTC):%Y%m%dT%H%M%SZ}"

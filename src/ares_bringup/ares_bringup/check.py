@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded flight held against guidance as it is now: every command, every status.
+"""Compare every command and status of a recorded flight with those of the present guidance.
 
-The navigation states of the bag are given to a guidance that has heard nothing else, by the code
-of its node, in this process and without a graph.
+The recorded navigation states are given to a fresh guidance, run by the code of its node in this
+process, without a graph.
 """
 
 import math
@@ -33,33 +33,33 @@ from ares_node.membership import FLIGHT_ID
 from ares_node.requirements import unmet
 from ares_node.time import NANOSECONDS, ns_from_stamp
 
-#: Largest difference that counts as equal, relative to the number, or to the vector it is of.
+#: Largest difference that counts as equal, relative to the number, or to the norm of its vector.
 TOLERANCE = 1e-12
 
 COMMAND = "thrust_command"
 STATUS = "guidance_status"
 KINDS = {COMMAND: ThrustCommand, STATUS: GuidanceStatus}
-#: Fields that say which message it is, not what it says.
+#: Fields that identify a message; they are not compared.
 IDENTITIES = ("stamp", "flight_id", "guidance_id")
-#: How guidance begins to say that it starts without the optimizer.
+#: Beginning of guidance's report that it starts without the optimizer.
 WITHOUT_ANSWER = "optimizer: "
 
-#: What guidance may have been told, with its defaults.
+#: Parameters of guidance, with their defaults.
 SETTINGS = {item.name: item for item in PARAMETERS if item is not FLIGHT_ID}
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A number that is not the same.
+    """Hold a number that differs.
 
     Attributes:
         time_s: flight time.
         topic: `thrust_command` or `guidance_status`.
         field: `direction[2]`.
-        recorded: in the bag.
-        now: by guidance as it is now.
-        relative: their difference over the size of the number, or of the vector it is of; inf
-            where one of them is no number.
+        recorded: value in the bag.
+        now: value of the present guidance.
+        relative: their difference over the size of the number, or over the norm of its vector; inf
+            if one of them is NaN.
     """
 
     time_s: float
@@ -71,22 +71,22 @@ class Difference:
 
 
 @dataclass
-class Check:
-    """What came out.
+class Comparison:
+    """Hold the result of a comparison.
 
     Attributes:
         path: the bag.
-        mission: that was flown.
-        law: that steered at first.
-        recorded_by: software of the flight; empty: the bag does not say.
-        software: that of now.
-        notes: what was assumed, and what is not as it was; one line each.
+        mission: flown mission.
+        law: guidance law at the start.
+        recorded_by: software of the flight; "": unknown.
+        software: present software.
+        notes: assumptions and known changes since the flight, one line each.
         compared: messages by topic.
-        unanswered_s: times of the navigation states that have no command in the bag and get one.
+        unanswered_s: times of navigation states without a command in the bag that now get one.
         unexpected_s: times of commands in the bag that guidance does not give now.
-        cut: why not all of the bag was compared; empty: it was.
-        first: where they part; None: nowhere.
-        largest: the largest difference of each field that differs at all.
+        cut: why the comparison stops before the end of the bag; "": it does not.
+        first: first difference; None if there is none.
+        largest: largest difference of each field that differs.
     """
 
     path: Path
@@ -104,18 +104,18 @@ class Check:
 
     @property
     def equal(self) -> bool:
-        """Every command and status is the same within TOLERANCE, and none is missing."""
+        """Return whether all commands and statuses agree within TOLERANCE and none is missing."""
         return self.first is None and not self.unanswered_s and not self.unexpected_s
 
 
 @dataclass
 class _Recorded:
-    """What a bag holds of a flight's guidance, by stamp in ns.
+    """Hold the messages of guidance in a bag, by stamp in ns.
 
     Attributes:
-        states: stamp, sequence and measured state of each navigation state, in order.
+        states: stamp, sequence and CDR of each navigation state, in order.
         said: by topic, messages by stamp.
-        otherwise: by topic, stamps at which one guidance has said two things.
+        otherwise: by topic, stamps at which one guidance has sent two different messages.
         reports: stamp and status of each report of guidance.
     """
 
@@ -127,14 +127,14 @@ class _Recorded:
 
 @dataclass(frozen=True)
 class _Turn:
-    """The states that one guidance had to answer: indices of states from begin to end."""
+    """Hold the states that one guidance had to answer: indices from begin to end, exclusive."""
 
     guidance_id: int
     begin: int
     end: int
 
 
-def check(path: Path, given: Mapping[str, str]) -> Check:
+def check(path: Path, given: Mapping[str, str]) -> Comparison:
     """Give the recorded navigation to a fresh guidance and compare.
 
     Args:
@@ -154,7 +154,9 @@ def check(path: Path, given: Mapping[str, str]) -> Check:
     flown = [_flown_by(bag, recorded, turn, given) for turn in turns]
     values, told, notes = flown[0]
     name = found.mission.name
-    result = Check(path, name, values["law"], told.get("software", ""), software(), notes=notes)
+    result = Comparison(
+        path, name, values["law"], told.get("software", ""), software(), notes=notes
+    )
     _note_software(result, told, found)
     if reason := bag.custom_data.get(INCOMPLETE_KEY):
         result.notes.append(f"the bag is incomplete: {reason}")
@@ -171,7 +173,7 @@ def check(path: Path, given: Mapping[str, str]) -> Check:
 
 
 def _read(bag: Bag) -> _Recorded:
-    """What is compared; BagError: something of it is missing or damaged."""
+    """Read the messages to compare; raise BagError if one topic is missing or damaged."""
     for name in ("nav_state", *KINDS):
         check_installed(bag, bag.topics[bag.name_of(name)])
     states = []
@@ -186,7 +188,7 @@ def _read(bag: Bag) -> _Recorded:
             message = deserialize_message(data, kind)
             stamp = ns_from_stamp(message.stamp)
             before = said[name].get(stamp)
-            # the same once more is no fault: a state that came twice has its answer twice
+            # an equal repetition is no fault: a state received twice is answered twice
             if before is not None and _contradicts(message, before):
                 otherwise[name].append(stamp)
             said[name][stamp] = message
@@ -202,7 +204,7 @@ def _read(bag: Bag) -> _Recorded:
 
 
 def _contradicts(message: Any, before: Any) -> bool:
-    """Whether a guidance has said something else at the same time before."""
+    """Tell whether two messages of one guidance differ."""
     if message.guidance_id != before.guidance_id:
         return False
     for name in message.get_fields_and_field_types():
@@ -213,7 +215,7 @@ def _contradicts(message: Any, before: Any) -> bool:
 
 
 def _turns(recorded: _Recorded) -> list[_Turn]:
-    """Who had to answer which states: another guidance may have come for one that was lost."""
+    """Assign each state to the guidance that had to answer it: one may have replaced another."""
     heard: dict[int, int] = {}
     for messages in recorded.said.values():
         for stamp, message in messages.items():
@@ -226,13 +228,13 @@ def _turns(recorded: _Recorded) -> list[_Turn]:
     return [_Turn(*turn) for turn in zip(order, begins, ends, strict=True)]
 
 
-# ---- what the flight was flown by
+# ---- settings of the flight
 
 
 def _flown_by(
     bag: Bag, recorded: _Recorded, turn: _Turn, given: Mapping[str, str]
 ) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
-    """Settings of a guidance, what the bag tells of them, and what of them was assumed."""
+    """Return the settings of a guidance, those recorded in the bag, and notes on assumed ones."""
     told = told_of(bag.path, bag.custom_data, GUIDANCE_KEY + id_text(turn.guidance_id))
     notes = []
     values = {name: item.default for name, item in SETTINGS.items()}
@@ -259,19 +261,19 @@ def _shown(value: Any) -> str:
 
 
 def _law_of(recorded: _Recorded, turn: _Turn) -> str:
-    """The law that a guidance says it flies; empty: none of ours."""
+    """Return the law in a guidance's statuses; "" if none of ours."""
     codes = {
         int(status.law)
         for status in recorded.said[STATUS].values()
         if int(status.guidance_id) == turn.guidance_id
     }
     names = {find_law(name).code: name for name in law_names()}
-    # peg flies for the others where they find nothing
+    # peg has the lowest code and takes over when another law fails
     return next((names[code] for code in sorted(codes, reverse=True) if code in names), "")
 
 
 def _parsed(name: str, text: str) -> Any:
-    """A setting that was given."""
+    """Convert a setting given as text; raise CannotStart if it is invalid."""
     if name not in SETTINGS:
         raise CannotStart(f"setting is {name!r}; expected one of {', '.join(SETTINGS)}")
     item = SETTINGS[name]
@@ -284,8 +286,8 @@ def _parsed(name: str, text: str) -> Any:
         raise CannotStart(f"{name} is {text!r}; expected {kind}") from error
 
 
-def _note_software(result: Check, told: Mapping[str, Any], found: FlownMission) -> None:
-    """What else of the flight is not as it was."""
+def _note_software(result: Comparison, told: Mapping[str, Any], found: FlownMission) -> None:
+    """Note a changed mission or software."""
     if found.note:
         result.notes.append(found.note)
     if result.recorded_by == result.software:
@@ -298,7 +300,7 @@ def _note_software(result: Check, told: Mapping[str, Any], found: FlownMission) 
         result.notes.append("another version flew: its last digits may differ, and its law")
 
 
-# ---- guidance as it is now
+# ---- the present guidance
 
 
 def _fly(
@@ -306,10 +308,10 @@ def _fly(
     turn: _Turn,
     values: Mapping[str, Any],
     mission: Mission,
-    result: Check,
+    result: Comparison,
     answered: Mapping[str, dict[int, Any]],
 ) -> None:
-    """Give a turn's states to a guidance; its answers by topic and stamp go into `answered`."""
+    """Give the states of a turn to a guidance; add its answers by topic and stamp to `answered`."""
     try:
         answers = Answers(mission, values)
     except ValueError as error:
@@ -322,7 +324,7 @@ def _fly(
         if int(message.guidance_id) == turn.guidance_id
     }
     if answers.wants_guess:
-        # what came before its first answer it let pass
+        # it ignored the states before its first answer
         states = [state for state in states if state[0] >= min(heard)]
         _start(recorded, answers, values, result)
     before: int | None = None
@@ -335,7 +337,7 @@ def _fly(
             return
         before = sequence
         if answers.law.steered and stamp not in heard:
-            # it did not get this one, or a cycle would have left its status
+            # it did not receive this one, else a cycle would have left its status
             result.unanswered_s.append(stamp / NANOSECONDS)
             continue
         due = answers.step(stamp, answers.read(data)[3])
@@ -345,8 +347,10 @@ def _fly(
             answered[STATUS][stamp] = answers.status()
 
 
-def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], result: Check) -> None:
-    """Ask the optimizer what the flight asked it, and start from what it answers."""
+def _start(
+    recorded: _Recorded, answers: Answers, values: Mapping[str, Any], result: Comparison
+) -> None:
+    """Repeat the flight's request to the optimizer, and start guidance from the answer."""
     if reason := unmet("ares_optimizer", "solve"):
         raise CannotStart(reason)
     from ares_optimizer.messages import Answers as Optimizer
@@ -373,7 +377,7 @@ def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], res
         )
     request = answers.request(deserialize_message(data, NavState))
     request.method = request.method or method
-    # the answer came in time then; how fast this machine is does not count
+    # no time limit: the answer came in time then, and this machine may be slower
     request.time_limit = 0.0
     answer = Optimizer(values["mission"], method, 600.0).answer(request)
     result.notes.append(f"the optimizer's answer was found again, by its method {answer.method}")
@@ -388,10 +392,12 @@ def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], res
         ) from error
 
 
-# ---- what differs
+# ---- comparison
 
 
-def _compare(recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], result: Check) -> None:
+def _compare(
+    recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], result: Comparison
+) -> None:
     for topic, kind in KINDS.items():
         fresh, then = answered[topic], recorded.said[topic]
         stamps = sorted(fresh.keys() & then.keys())
@@ -414,7 +420,7 @@ def _compare(recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], res
 
 
 def _column(values: Sequence[Any]) -> NDArray[np.float64]:
-    """A field of all messages as numbers, shape (n, m)."""
+    """Convert a field of all messages to numbers, shape (n, m), padded with NaN."""
     if hasattr(values[0], "nanosec"):
         values = [ns_from_stamp(value) for value in values]
     rows = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values]
@@ -430,7 +436,7 @@ def _compare_field(
     name: str,
     stamps: Sequence[int],
     pair: Sequence[NDArray[np.float64]],
-    result: Check,
+    result: Comparison,
 ) -> None:
     width = max(column.shape[1] for column in pair)
     then, now = (

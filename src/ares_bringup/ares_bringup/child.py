@@ -3,8 +3,8 @@
 
     python -m ares_bringup.child MODULE [ARGUMENT...]
 
-The parent holds the other end of the standard input. When the parent is gone, however it
-went, that end is closed and the child ends itself.
+The parent holds the other end of standard input. When the parent ends, even if it is killed, that
+end is closed and the child ends itself.
 """
 
 import os
@@ -20,7 +20,7 @@ def _read_to_the_end() -> None:
 
 
 def main() -> None:
-    """Watch the parent, become the module."""
+    """Watch the parent in a thread and run the module."""
     end_after(_read_to_the_end)
     module = sys.argv[1]
     sys.argv = sys.argv[1:]

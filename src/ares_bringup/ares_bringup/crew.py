@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The child processes of a flight: started together, watched, never left behind. No ROS."""
+"""Start, watch and end the child processes of a flight; leave none behind. No ROS."""
 
 import json
 import signal
@@ -14,14 +14,14 @@ from ares_node.names import remappings
 
 STANDARD_ERROR = 2
 
-#: Wall time in s between looks at a child that is to end.
+#: Wall time in s between polls of a child that is ending.
 LOOK_PERIOD = 0.005
-#: Wall time in s for a child to end after SIGTERM when the flight is given up.
+#: Wall time in s for a child to end after SIGTERM when the flight is aborted.
 CLOSE_TIMEOUT = 10.0
 
 
 def ros_arguments(parameters: Mapping[str, object], namespace: str) -> list[str]:
-    """Command line that sets names and parameters of a node; texts are quoted for YAML."""
+    """Return command-line arguments with namespace and parameters of a node, quoted for YAML."""
     arguments = ["--ros-args", "-r", f"__ns:={namespace}", *remappings(namespace)]
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
@@ -29,7 +29,7 @@ def ros_arguments(parameters: Mapping[str, object], namespace: str) -> list[str]
 
 
 def describe_end(status: int) -> str:
-    """An exit status of `subprocess` in words."""
+    """Describe an exit status of `subprocess`."""
     if status >= 0:
         return f"ended with exit status {status}"
     try:
@@ -39,7 +39,7 @@ def describe_end(status: int) -> str:
 
 
 class Crew:
-    """Children by name; leaving the `with` block ends those that still run.
+    """Hold child processes by name; end those that still run at the end of the `with` block.
 
     Each child is a process group of its own, so that Ctrl-C in the terminal reaches the
     parent only, which then ends the children in order. Their standard output goes to
@@ -47,10 +47,10 @@ class Crew:
     """
 
     def __init__(self, environment: Mapping[str, str] | None = None) -> None:
-        """Start nothing yet.
+        """Start with no children.
 
         Args:
-            environment: of the children; None passes on that of this process.
+            environment: of the children; None: that of this process.
         """
         self._environment = environment
         self._children: dict[str, subprocess.Popen[bytes]] = {}
@@ -58,7 +58,7 @@ class Crew:
         self._seen: set[str] = set()
 
     def __enter__(self) -> Self:
-        """Nothing runs yet."""
+        """Return the crew."""
         return self
 
     def __exit__(
@@ -67,7 +67,7 @@ class Crew:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End whatever still runs."""
+        """End all children that still run."""
         self.stop(self.running(), CLOSE_TIMEOUT)
 
     def start(self, name: str, module: str, arguments: Iterable[str]) -> None:
@@ -84,19 +84,19 @@ class Crew:
         )
 
     def running(self) -> list[str]:
-        """Names of the children that have not ended."""
+        """Return the names of the children that have not ended."""
         return [name for name, child in self._children.items() if child.poll() is None]
 
     def pid(self, name: str) -> int:
-        """Process id of a child."""
+        """Return the process id of a child."""
         return self._children[name].pid
 
     def status(self, name: str) -> int | None:
-        """Exit status of a child, negative for a signal; None while it runs."""
+        """Return the exit status of a child, negative for a signal; None while it runs."""
         return self._children[name].poll()
 
     def newly_ended(self) -> list[tuple[str, int]]:
-        """Children, with exit status, that ended on their own since the last call."""
+        """Return the children, with exit status, that ended on their own since the last call."""
         ended = []
         for name, child in self._children.items():
             if name in self._seen or name in self._asked:
@@ -108,7 +108,7 @@ class Crew:
         return ended
 
     def ask_to_stop(self, names: Iterable[str]) -> None:
-        """Send SIGTERM to children that still run; how they end is then their own affair."""
+        """Send SIGTERM to children that still run; from then on their end is expected."""
         for name in names:
             if self._children[name].poll() is None:
                 self._asked.add(name)
@@ -120,12 +120,12 @@ class Crew:
         timeout: float,
         meanwhile: Callable[[], None] | None = None,
     ) -> list[str]:
-        """End children: SIGTERM unless they were asked, SIGKILL to those that do not end.
+        """End children: SIGTERM unless already sent, SIGKILL to those that do not end.
 
         Args:
-            names: which.
+            names: of the children.
             timeout: wall time in s until SIGKILL.
-            meanwhile: called again and again while waiting; it should take some ms.
+            meanwhile: called repeatedly while waiting; must return within some ms.
 
         Returns:
             Names of the children that had to be killed.

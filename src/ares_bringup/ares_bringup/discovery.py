@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS environment of a flight: who may join, and how fast nodes find each other. No ROS."""
+"""Set up the ROS environment of a flight: security and discovery. No ROS."""
 
 import os
 from collections.abc import Mapping, MutableMapping
@@ -8,21 +8,21 @@ from pathlib import Path
 from ares_bringup.options import CannotStart
 from ares_node.security import RANGE, SecurityError, check_security
 
-#: Where Fast DDS looks for settings of the user's own.
+#: Variables by which a user gives Fast DDS a profile.
 PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
-#: The same settings for Fast DDS 2, as of Jazzy, and 3, as of Kilted, which renamed one of them.
+#: Equal settings for Fast DDS 2 (Jazzy) and 3 (Kilted), which renamed one of them.
 PROFILE = Path(__file__).with_name("fastdds.xml")
 PROFILE_3 = Path(__file__).with_name("fastdds3.xml")
-#: What Fast DDS 3 has below the prefix of a ROS 2; Fast DDS 2 is called otherwise.
+#: Folder below the prefix of a ROS 2 that shows Fast DDS 3.
 _FAST_DDS_3 = "share/fastdds"
 
 
 def check_protection(environment: Mapping[str, str] = os.environ) -> None:
-    """Refuse to start without the security that is asked for.
+    """Refuse to start without the security that the environment requests.
 
     Raises:
-        CannotStart: it cannot be had; one line.
+        CannotStart: it is not available; one line.
     """
     try:
         check_security(environment)
@@ -31,9 +31,9 @@ def check_protection(environment: Mapping[str, str] = os.environ) -> None:
 
 
 def discovery_settings(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """Variables to add to an environment; what the user has set stays.
+    """Return variables to add to an environment, without those that the user has set.
 
-    Discovery stays on this machine. Fast DDS gets a profile by which it announces more often;
+    Discovery is limited to this machine. Fast DDS gets a profile with more frequent announcements;
     other middleware does not read it.
     """
     settings = {}
@@ -51,7 +51,7 @@ def apply_discovery_settings(environment: MutableMapping[str, str] = os.environ)
     """Add the settings to an environment, before its first ROS context is made.
 
     Raises:
-        CannotStart: security is asked for, which cannot be had.
+        CannotStart: security is requested but not available.
     """
     check_protection(environment)
     environment.update(discovery_settings(environment))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command says of a mission that is hardly meant. No ROS."""
+"""Print the warnings of a mission. No ROS."""
 
 import sys
 from contextlib import suppress
@@ -11,7 +11,7 @@ def show_warnings(name: str) -> None:
     """Print the warnings of a mission on standard error, one line each.
 
     Args:
-        name: shipped name or path; of a wrong one nothing is said, its reader does.
+        name: shipped name or path; an invalid one is left to its reader to report.
     """
     with suppress(ValueError):
         for line in file_warnings(name):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mission of a recorded flight: by the text in its bag, else by its name. No ROS."""
+"""Find the mission of a recorded flight: by the text in its bag, else by its name. No ROS."""
 
 import json
 import tempfile
@@ -13,19 +13,19 @@ from ares_bags.writer import GUIDANCE_KEY, SIMULATOR_KEY
 from ares_bringup.options import CannotStart
 from ares_models.mission import Mission, MissionError, load_mission, parse_mission, read_mission
 
-#: Of what a simulator or a guidance tells of itself.
+#: Keys in the recorded settings of a simulator or a guidance.
 MISSION_TEXT = "mission_text"
 MISSION_DIGEST = "mission_digest"
 
 
 @dataclass(frozen=True)
 class FlownMission:
-    """Hold the mission by which a recorded flight is read.
+    """Hold the mission of a recorded flight.
 
     Attributes:
         mission: checked.
         text: of its file.
-        note: what is not as it was in the flight, one line; empty: nothing that is known.
+        note: known change since the flight, one line; "": none.
     """
 
     mission: Mission
@@ -34,7 +34,7 @@ class FlownMission:
 
     @contextmanager
     def file(self) -> Iterator[str]:
-        """Lend a mission file with this text, for what takes a path."""
+        """Write the text to a temporary mission file and yield its path."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"{self.mission.name}.yaml"
             path.write_text(self.text, encoding="utf-8")
@@ -47,10 +47,10 @@ def flown_mission(path: Path, custom: Mapping[str, str], given: str | None = Non
     Args:
         path: the bag.
         custom: its custom data.
-        given: name or path of the mission to take instead; None: that of the flight.
+        given: name or path of the mission to use instead; None: that of the flight.
 
     Raises:
-        CannotStart: the bag does not say which mission was flown, or it cannot be read; one line.
+        CannotStart: the bag does not name its mission, or the mission cannot be read; one line.
     """
     name = custom.get("mission", "")
     if given:
@@ -76,7 +76,7 @@ def flown_mission(path: Path, custom: Mapping[str, str], given: str | None = Non
 
 
 def told_of(path: Path, custom: Mapping[str, str], key: str) -> dict[str, Any]:
-    """Return what a member of the flight told of itself; empty: the bag does not say.
+    """Return the recorded settings of a member of the flight; empty if there are none.
 
     Args:
         path: the bag.
@@ -84,7 +84,7 @@ def told_of(path: Path, custom: Mapping[str, str], key: str) -> dict[str, Any]:
         key: of the member.
 
     Raises:
-        CannotStart: it is no JSON object; one line.
+        CannotStart: they are not a JSON object; one line.
     """
     try:
         told = json.loads(custom.get(key, "{}"))
@@ -103,7 +103,7 @@ def _text_in(path: Path, custom: Mapping[str, str]) -> str:
 
 
 def _flown_digest(path: Path, custom: Mapping[str, str]) -> str:
-    """Return the digest of the mission that was flown; empty: the bag does not say."""
+    """Return the digest of the flown mission; "": unknown."""
     if text := _text_in(path, custom):
         return _parsed(path, text).digest
     told = (told_of(path, custom, key) for key in custom if key.startswith(GUIDANCE_KEY))
@@ -125,7 +125,7 @@ def _read(path: Path, name: str) -> tuple[Mission, str]:
 
 
 def _differs(name: str, flown: Mission) -> bool:
-    """Tell whether what is called so now says something else; not, where there is nothing."""
+    """Tell whether the mission of this name has changed since; False if there is none."""
     try:
         return load_mission(name).digest != flown.digest
     except MissionError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One flight from start to summary: the nodes as processes of their own, or all in this one."""
+"""Fly one mission from start to summary: one process per node, or all nodes in this process."""
 
 import math
 import os
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from ares_node.run import StopSignals
     from ares_node.spin import Spinner
 
-#: Enclave of the process of a flight, which holds the judge, or all nodes.
+#: Security enclave of this process, which runs the judge, or all nodes.
 FLY = "fly"
 #: Modules that run the nodes as processes.
 MODULES = {
@@ -73,15 +73,14 @@ MODULES = {
     VIEW: "ares_view.standard",
 }
 
-#: Wall time in s that guidance's start waits for the optimizer, which may compile first: more is
-#: waiting for one that hangs.
+#: Wall time in s for which the start of guidance waits for the optimizer, which may compile first.
 OPTIMIZER_TIMEOUT = 120.0
-#: Wall time in s for simulator and guidance to end, and where a signal asks for the end.
+#: Wall time in s for simulator and guidance to end: after the flight, and after a signal.
 NODE_STOP_TIMEOUT = 10.0
 INTERRUPTED_STOP_TIMEOUT = 1.0
-#: Wall time in s between the ends of the flying nodes and of the recorder.
+#: Wall time in s by which the recorder ends after the other nodes.
 HEAD_START = 0.1
-#: Wall time in s for the recorder to write what it still has and to close the bag.
+#: Wall time in s for the recorder to write its queues and close the bag.
 RECORDER_STOP_TIMEOUT = 30.0
 
 Say = Callable[[str], None]
@@ -89,7 +88,7 @@ Show = Callable[["FlightMonitor"], None]
 
 
 def say_on_standard_error(line: str) -> None:
-    """One line for the person at the terminal."""
+    """Print a line on standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
@@ -105,16 +104,16 @@ def mission_facts(name: str) -> MissionFacts:
         mission = load_mission(name)
         mission.atmosphere()
     except ValueError as error:
-        # a wrong file, or an atmosphere that cannot be had
+        # an invalid file, or an atmosphere that is not installed
         raise CannotStart(" ".join(str(error).split())) from error
     return facts_of(mission)
 
 
 def absolute_namespace(namespace: str) -> str:
-    """A namespace with its leading slash.
+    """Return a namespace with its leading slash.
 
     Raises:
-        CannotStart: ROS has no such namespace.
+        CannotStart: it is invalid in ROS.
     """
     from rclpy.exceptions import InvalidNamespaceException
     from rclpy.validate_namespace import validate_namespace
@@ -131,10 +130,10 @@ def absolute_namespace(namespace: str) -> str:
 
 
 def _margin(dispersions: str) -> float:
-    """Margin to the heating limit of a guidance that measures nothing.
+    """Return the margin to the heating limit for a guidance without a heating sensor.
 
     Raises:
-        CannotStart: the dispersions are wrong; one line.
+        CannotStart: the dispersions are invalid; one line.
     """
     from ares_vehicle_sim.dispersions import load_dispersions
 
@@ -145,10 +144,10 @@ def _margin(dispersions: str) -> float:
 
 
 def _check_failure(failure: str, mission: str) -> None:
-    """See that a failure can happen in a mission.
+    """Check that a failure is possible in a mission.
 
     Raises:
-        CannotStart: it cannot; one line.
+        CannotStart: it is not; one line.
     """
     from ares_models.failures import FailureError, check_failure, read_failure
     from ares_models.mission import load_mission
@@ -169,10 +168,10 @@ def _find_law(name: str) -> "LawKind":
 
 
 def law_that_flew(summary: FlightSummary) -> str:
-    """Name of the law that ran in most cycles; before the first the one that was asked for.
+    """Return the law that ran in most cycles; before the first cycle, the requested one.
 
     Args:
-        summary: of the flight; its `guidance` is kept where that law has the code.
+        summary: of the flight; its `guidance` wins among laws of equal code.
     """
     from ares_guidance.laws import find_law
     from ares_guidance.registry import law_names
@@ -188,7 +187,7 @@ def law_that_flew(summary: FlightSummary) -> str:
 
 
 def needs_trajectory(law: str) -> bool:
-    """Whether a guidance law waits for the optimizer's answer.
+    """Tell whether a guidance law needs a trajectory of the optimizer.
 
     Raises:
         CannotStart: no such law; one line.
@@ -197,7 +196,7 @@ def needs_trajectory(law: str) -> bool:
 
 
 def needs_plan(mission: str) -> bool:
-    """Whether guidance waits for the optimizer's plan of what a mission leaves free.
+    """Tell whether a mission has free quantities, which the optimizer must plan.
 
     Raises:
         CannotStart: no such mission; one line.
@@ -211,14 +210,14 @@ def needs_plan(mission: str) -> bool:
 
 
 def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
-    """Look at what a flight would be started with, before anything is started.
+    """Check the inputs of a flight before anything is started.
 
     Args:
         flown: parameters by name: mission, law, dispersions, pace, as far as given.
-        bag: folder of the bag; empty for none.
+        bag: folder of the bag; "": none.
 
     Raises:
-        CannotStart: one of them is wrong; one line.
+        CannotStart: one of them is invalid; one line.
     """
     name = str(flown.get("mission", "ares_v"))
     mission_facts(name)
@@ -236,11 +235,11 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
 def node_parameters(
     options: FlyOptions, bag: str | None, flight_id: int
 ) -> dict[str, dict[str, Any]]:
-    """Parameters of each node that takes part in the flight, by node name.
+    """Return the parameters of each node of the flight, by node name.
 
     Args:
         options: the flight.
-        bag: where to record; None for no recorder.
+        bag: folder of the bag; None: no recorder.
         flight_id: identity of the flight.
     """
     simulator: dict[str, Any] = {
@@ -315,22 +314,21 @@ def fly(
     greet: Say = lambda _line: None,
     show: Show = lambda _monitor: None,
 ) -> FlightSummary:
-    """Fly a mission and say how it went.
+    """Fly a mission and summarize it.
 
-    Nothing is left behind, however the flight ends: children end with this process, even if
-    it is killed. Must be called from the main thread, because it takes SIGINT, SIGTERM
-    and SIGHUP.
+    No process is left behind, however the flight ends: children end with this process, even if
+    it is killed. Call from the main thread, since it handles SIGINT, SIGTERM and SIGHUP.
 
     Args:
         options: the flight.
-        say: gets lines for a person while the flight goes on.
+        say: gets lines for the user during the flight.
         modules: module of each node, for the layout with several processes.
-        greet: gets the line by which others find the flight, when it has begun.
-        begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
-        show: gets the monitor about ten times a second, to show how the flight goes on.
+        begun: start of the command, s of time.monotonic(), for `wall_s`; default: now.
+        greet: gets a line with the address of the flight when it has begun.
+        show: gets the monitor about ten times a second, to display the flight.
 
     Raises:
-        CannotStart: the flight cannot start; one line says why.
+        CannotStart: the flight cannot start; one line with the reason.
     """
     begun = time.monotonic() if begun is None else begun
     domain = domain_id(options)
@@ -362,7 +360,7 @@ def fly(
 
 
 def _greeting(summary: FlightSummary) -> str:
-    """How others find the flight; ROS 2 wheels bring no `ros2`."""
+    """Return the line with identity, domain and namespace of the flight."""
     look = " ros2 topic list" if which("ros2") else ""
     return (
         f"flight {id_text(summary.flight_id)}: "
@@ -372,13 +370,13 @@ def _greeting(summary: FlightSummary) -> str:
 
 @dataclass(frozen=True)
 class _Terms:
-    """What a flight has to do with the world.
+    """Hold the callbacks and options of a flight.
 
     Attributes:
-        say: gets lines for a person.
+        say: gets lines for the user.
         begun: called when the flight has begun.
-        audience: who looks at it.
-        show: gets the monitor again and again.
+        audience: the live page.
+        show: gets the monitor repeatedly.
         options: the flight.
     """
 
@@ -405,12 +403,12 @@ def _own_domain() -> Iterator[int]:
 def flight_graph(
     summary: FlightSummary, say: Say, abandonable: Callable[[], bool]
 ) -> Iterator[tuple["FlightMonitor", "Executor", "StopSignals"]]:
-    """A private context with the monitor on an executor, and the signals as a flag.
+    """Yield the monitor and its executor in a private context, and the signals as a flag.
 
     Args:
         summary: of the flight.
-        say: gets lines for a person.
-        abandonable: whether an interrupted process may end at once, whatever it computes.
+        say: gets lines for the user.
+        abandonable: whether an interrupted process may end at once, even while it computes.
     """
     import rclpy
     from rclpy.context import Context
@@ -459,7 +457,7 @@ def flight_graph(
 
 
 def _watch(monitor: "FlightMonitor", pace: float, terms: _Terms, stop: "StopSignals") -> Watch:
-    # a program that reads the lines gets none that hangs on the speed of the machine
+    # only on a terminal: for a program, the lines must not depend on the machine's speed
     patience = PATIENCE if sys.stderr.isatty() else math.inf
     return Watch(monitor, pace, terms.say, lambda: stop.requested, terms.begun, patience)
 
@@ -468,7 +466,7 @@ def _watch(monitor: "FlightMonitor", pace: float, terms: _Terms, stop: "StopSign
 def _spinner(
     monitor: "FlightMonitor", executor: "Executor", stop: "StopSignals"
 ) -> Iterator["Spinner"]:
-    """A spinner that comes back at once for a signal and for the end of the flight."""
+    """Yield a spinner that returns at once on a signal and at the end of the flight."""
     from ares_node.spin import Spinner
 
     with Spinner(executor, monitor.node) as spinner:
@@ -479,7 +477,7 @@ def _spinner(
 
 
 def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> None:
-    """Spin until the flight is over, or is lost."""
+    """Spin until the flight is over or lost."""
     while not watch.over():
         spinner.spin()
         if lost():
@@ -508,7 +506,7 @@ def _fly_in_processes(
             arguments = ros_arguments(parameters[name], summary.namespace)
             crew.start(name, modules[name], [*arguments, *terms.options.arguments.get(name, ())])
 
-        # guidance asks the optimizer first of all: on a slow machine it would ask in vain
+        # guidance needs the optimizer at its start, so it starts after it
         late = [GUIDANCE] if OPTIMIZER in parameters else []
         begun = time.monotonic()
 
@@ -529,7 +527,7 @@ def _fly_in_processes(
                     start(name)
             return SIMULATOR not in crew.running()
 
-        # the children first: they take longer to start than what follows here
+        # the children first, since they take longest to start
         for name in parameters:
             if name not in late:
                 start(name)
@@ -548,7 +546,7 @@ def _fly_in_processes(
 
 
 def _ended(crew: Crew, keeper: Keeper, summary: FlightSummary, say: Say) -> list[tuple[str, bool]]:
-    """Who has ended, which is said, and whether it is to be started again.
+    """Report the nodes that have ended; return each with whether to restart it.
 
     Raises:
         CannotStart: the flight has not begun, and cannot without one of them.
@@ -556,7 +554,7 @@ def _ended(crew: Crew, keeper: Keeper, summary: FlightSummary, say: Say) -> list
     ended = []
     for name, status in crew.newly_ended():
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
-            # it has said why
+            # the node has printed the reason
             raise CannotStart("")
         if not summary.started and name not in SPARED:
             raise CannotStart(f"{name} {describe_end(status)}")
@@ -567,7 +565,7 @@ def _ended(crew: Crew, keeper: Keeper, summary: FlightSummary, say: Say) -> list
 
 
 def _say_ended(name: str, line: str, summary: FlightSummary, say: Say) -> None:
-    """Say that a node has ended; without some a flight is not as it should be."""
+    """Report that a node has ended; count it as a shortcoming unless the flight can spare it."""
     if name not in SPARED:
         summary.problems.append(line)
     say(line)
@@ -576,16 +574,16 @@ def _say_ended(name: str, line: str, summary: FlightSummary, say: Say) -> None:
 def _end_crew(
     crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[], None], within: float
 ) -> None:
-    """End the flying nodes within so many s, then the recorder: it writes all that they sent."""
+    """End the flying nodes within `within` s, then the recorder, which writes all they sent."""
     alive = crew.running()
     for name, status in crew.newly_ended():
-        # between the last look and the end of the flight
+        # ended between the last poll and the end of the flight
         if summary.started and name not in SPARED:
             _say_ended(name, describe_loss(name, status), summary, say)
     flying = [name for name in alive if name != RECORDER]
     crew.ask_to_stop(flying)
     if RECORDER in alive:
-        # they publish no more; the recorder takes what is still under way
+        # the recorder receives their last messages before it ends
         begun = time.monotonic()
         while time.monotonic() - begun < HEAD_START and set(flying) & set(crew.running()):
             listen()
@@ -621,7 +619,7 @@ def _fly_in_process(
         audience.come(monitor)
         nodes: dict[str, FlightNode] = {}
         try:
-            # the recorder last: a start that is abandoned while kernels compile leaves no bag
+            # the recorder last: a start interrupted while kernels compile leaves no bag
             for name in (OPTIMIZER, VIEW, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
@@ -634,7 +632,7 @@ def _fly_in_process(
                 if not node.done:
                     node.drain(executor)
                 if stop.requested:
-                    # else they fly on while the recorder takes what it has been sent
+                    # else they would fly on while the recorder drains its queues
                     node.stop()
         finally:
             for node in _in_order_of_end(nodes):
@@ -647,7 +645,7 @@ def _fly_in_process(
 
 
 def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:
-    """The recorder last: it gets to write all that the others sent."""
+    """Sort the nodes with the recorder last, so that it writes all that the others sent."""
     order = (SIMULATOR, GUIDANCE, OPTIMIZER, VIEW, RECORDER)
     return [nodes[name] for name in order if name in nodes]
 
@@ -655,7 +653,7 @@ def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:
 def _started(
     name: str, values: Mapping[str, Any], executor: "Executor", judge: "Node"
 ) -> "FlightNode":
-    """A configured and active node.
+    """Start a node; return it configured and active.
 
     Raises:
         CannotStart: a parameter or a transition was refused; one line.
@@ -708,7 +706,7 @@ def _node_class(name: str) -> "Callable[..., FlightNode]":
 
 
 def _node_lost(nodes: "Mapping[str, FlightNode]", summary: FlightSummary, say: Say) -> bool:
-    """Note which node has ended the run itself; True if the flight cannot go on."""
+    """Tell whether the simulator has ended in flight; raise if any node ends before it."""
     for name, node in nodes.items():
         if not node.done:
             continue

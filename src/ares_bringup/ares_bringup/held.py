@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a process holds, and what is left in shared memory; for tests, benchmarks and faults."""
+"""Measure a process's resources and clean up shared memory; for tests, benchmarks and faults."""
 
 import fcntl
 import os
@@ -12,21 +12,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SHARED = Path("/dev/shm")
-#: How the files of the middleware begin, and those by which participants find each other.
+#: Prefixes of the middleware's files, and of those of its ports.
 _PREFIX = "fastrtps_"
 _PORT = f"{_PREFIX}port"
-#: How often a flight looks what its nodes have in shared memory; once takes 1 to 2 ms.
+#: Wall time in s between two lists of the nodes' files in shared memory; one takes 1 to 2 ms.
 _LOOK_PERIOD_S = 0.5
 
 
 @dataclass(frozen=True)
 class Held:
-    """Of this process at one moment.
+    """Hold the resources of this process at one moment.
 
     Attributes:
-        memory_mib: resident.
+        memory_mib: resident memory.
         descriptors: open files and sockets.
-        threads: of it.
+        threads: its threads.
         mapped: files in shared memory that it has mapped.
         children: its child processes.
     """
@@ -39,12 +39,12 @@ class Held:
 
 
 def held() -> Held:
-    """What this process holds now."""
+    """Measure the resources of this process."""
     own = Path("/proc") / str(os.getpid())
     pages = int((own / "statm").read_text().split()[1])
     return Held(
         memory_mib=pages * resource.getpagesize() / 2**20,
-        # one of them is that of the list
+        # without the descriptor that lists them
         descriptors=len(list((own / "fd").iterdir())) - 1,
         threads=len(list((own / "task").iterdir())),
         mapped=len(_of_middleware([os.getpid()])),
@@ -53,7 +53,7 @@ def held() -> Held:
 
 
 def shared_memory(pids: Iterable[int]) -> set[str]:
-    """Files in shared memory that processes have mapped; none of those that have gone."""
+    """Return the files in shared memory that processes have mapped; skip ended processes."""
     found: set[str] = set()
     for pid in pids:
         with suppress(OSError):
@@ -62,15 +62,15 @@ def shared_memory(pids: Iterable[int]) -> set[str]:
 
 
 def all_pids() -> list[int]:
-    """Processes of this machine."""
+    """Return the ids of all processes of this machine."""
     return [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
 
 
 def clear(paths: Iterable[str]) -> None:
-    """Remove the middleware's files in shared memory that nobody uses any more, each with its lock.
+    """Remove the middleware's files from shared memory, each with its lock.
 
-    Others are left to who made them: semaphores of a pool of processes are in use under another
-    name by the process that made them, which removes them itself.
+    Other files are left to their owner: a process pool keeps its semaphores under other names and
+    removes them itself.
     """
     for path in paths:
         if _PREFIX not in path:
@@ -80,7 +80,7 @@ def clear(paths: Iterable[str]) -> None:
 
 
 def _of_middleware(pids: Iterable[int]) -> set[str]:
-    """Names of the middleware's among the files that processes have mapped."""
+    """Return the names of the middleware's files that processes have mapped."""
     names = (Path(path).name for path in shared_memory(pids))
     return {name for name in names if name.startswith(_PREFIX)}
 
@@ -93,16 +93,16 @@ def _children(process: Path) -> list[str]:
 
 
 def used_by_family() -> set[str]:
-    """Files in shared memory that this process and its children have mapped now."""
+    """Return the files in shared memory that this process and its children have mapped."""
     own = os.getpid()
     return _of_middleware([own, *map(int, _children(Path("/proc") / str(own)))])
 
 
 def orphans(names: set[str]) -> set[str]:
-    """Those of some files, and what goes with them, that are left and that no process uses.
+    """Return the files that no process uses among `names`, with their locks.
 
-    The middleware leaves a port now and then, and takes it again with the next flight of that
-    domain: ports are as many as there are participants, and no orphans.
+    Ports are no orphans: the middleware reuses them in the next flight of that domain, and there
+    are only as many as participants.
     """
     used = _of_middleware(all_pids())
     there = {path.name for path in SHARED.iterdir()}
@@ -111,7 +111,7 @@ def orphans(names: set[str]) -> set[str]:
 
 
 def _is_abandoned(segment: str) -> bool:
-    """Whether the process is gone that has made a segment: it held a lock for as long as it was."""
+    """Tell whether the process that made a segment has ended: its lock is free."""
     try:
         lock = os.open(SHARED / f"{segment}_el", os.O_RDWR)
     except OSError:
@@ -127,10 +127,11 @@ def _is_abandoned(segment: str) -> bool:
 
 @contextmanager
 def shared_memory_cleared() -> Iterator[Callable[[], None]]:
-    """A look at what the family has mapped; at the end that of killed processes is removed.
+    """Yield a function that lists the files mapped by this process and its children.
 
-    They cannot do it themselves, and nobody else does. To be called again and again: what a killed
-    one had is no longer mapped soon after. Ports stay: the next participant takes them.
+    At the end remove the segments of killed processes, which cannot do it themselves. Call the
+    function repeatedly: the files of a killed process are soon no longer mapped. Ports stay for
+    reuse.
     """
     names: set[str] = set()
     due = time.monotonic()

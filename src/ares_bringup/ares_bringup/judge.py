@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Judge node: watches one flight, prints what it came to, ends with its exit status."""
+"""Watch one flight, print its summary and end with its exit status: the judge node."""
 
 import signal
 import sys
@@ -20,11 +20,11 @@ from ares_node.membership import FLIGHT_ID, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 
-#: Wall time in s between looks at the flight.
+#: Wall time in s between two checks of the flight.
 LOOK_PERIOD = 0.05
 
-#: What who starts the nodes sends when one of them has ended unasked: a flight that has not
-#: begun cannot start any more, one in the air goes on; after the simulator it is over where it is.
+#: Signals of the launcher for a node that ended unexpectedly. A flight that has not begun cannot
+#: start; one under way goes on, or is over if it was the simulator.
 RECORDER_ENDED = signal.SIGUSR1
 SIMULATOR_ENDED = signal.SIGUSR2
 GUIDANCE_ENDED = signal.SIGRTMIN
@@ -46,15 +46,15 @@ PARAMETERS = (
 
 
 def say(line: str) -> None:
-    """One line for the person at the terminal."""
+    """Print a line on standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
 class JudgeNode(FlightNode):
-    """The judge of `ares fly` as a node of its own, for flights that something else starts."""
+    """Judge a flight that other software starts, as `ares fly` does."""
 
     def __init__(self, **kwargs: Any) -> None:
-        """Declare the parameters; everything else waits for `configure`."""
+        """Declare the parameters."""
         super().__init__("judge", parameters=PARAMETERS, **kwargs)
         self._summary: FlightSummary | None = None
         self._over = False
@@ -75,12 +75,12 @@ class JudgeNode(FlightNode):
             signal.signal(number, self._on_signal)
 
     def activate(self) -> None:
-        """Begin to look."""
+        """Start watching."""
         self._watch = Watch(self._monitor, self.values["pace"], say, lambda: False)
         self._looks = self.wall_timer(LOOK_PERIOD, self._on_look)
 
     def deactivate(self) -> None:
-        """Look no more."""
+        """Stop watching."""
         self.destroy_timer(self._looks)
 
     def cleanup(self) -> None:
@@ -88,7 +88,7 @@ class JudgeNode(FlightNode):
         self._monitor.leave()
 
     def drain(self, executor: Executor) -> None:
-        """Say what the flight came to, if a signal ends the run before it is over."""
+        """Print the summary if a signal ends the run before the flight is over."""
         if self._summary is not None and not self.done:
             self._summary.interrupted = True
             if self._summary.started:
@@ -118,7 +118,7 @@ class JudgeNode(FlightNode):
         elif self._ended and not summary.started:
             self.finish(EXIT_CANNOT_START)
         elif GUIDANCE_ENDED in self._ended:
-            # another may follow, and end as well
+            # its successor may end too
             self._ended.remove(GUIDANCE_ENDED)
             self._monitor.guidance_ended()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What follows when a node of a flight ends, for `ares fly` and for launch alike. No ROS."""
+"""Decide the consequence of a node's end, for `ares fly` and launch alike. No ROS."""
 
 from ares_bringup.audience import LIVE, PAGELESS
 from ares_bringup.crew import describe_end
@@ -13,17 +13,17 @@ OPTIMIZER = "optimizer"
 JUDGE = "judge"
 VIEW = "view"
 
-#: Nodes that a flight goes on without, and what that means.
+#: Nodes that a flight can spare, with the consequence of their end.
 SPARED = {
     OPTIMIZER: "guidance starts without its guess",
     VIEW: "it is not shown any more",
     LIVE: PAGELESS,
 }
-#: Nodes that take a flight up again where it is. A second recorder would be a second bag, a second
-#: simulator is another flight.
+#: Nodes that can rejoin a flight after a restart. A second recorder would write a second bag, a
+#: second simulator would fly another flight.
 KEPT = (GUIDANCE, OPTIMIZER, VIEW)
 
-#: What follows in flight when a node has ended.
+#: Consequence of a node's end in flight.
 _IN_FLIGHT = {
     SIMULATOR: " in flight",
     GUIDANCE: " in flight: flying on with its last good command",
@@ -32,32 +32,32 @@ _IN_FLIGHT = {
 
 
 def describe_loss(name: str, status: int) -> str:
-    """What it means that a node of a flight under way has ended, in words."""
+    """Describe the end of a node in flight and its consequence."""
     end = describe_end(status)
     return f"{name} {end}: {SPARED[name]}" if name in SPARED else f"{name} {end}{_IN_FLIGHT[name]}"
 
 
 class Keeper:
-    """Restarts the nodes of one flight, and gives up after a number of times."""
+    """Decide on restarts of a flight's nodes; allow a limited number of each."""
 
     def __init__(self, restarts: int = RESTARTS) -> None:
-        """Nothing has ended yet.
+        """Start with no restarts used.
 
         Args:
-            restarts: how often each node is restarted.
+            restarts: restarts allowed per node.
         """
         self._allowed = restarts
         self._used = dict.fromkeys(KEPT, 0)
 
     def ended(self, name: str, status: int) -> tuple[str, bool]:
-        """A node has ended in flight.
+        """Decide on the restart of a node that has ended in flight.
 
         Args:
             name: of the node.
             status: exit status, negative for a signal.
 
         Returns:
-            The line that says so, and whether it is to be started again.
+            A line on it, and whether to restart the node.
         """
         line = describe_loss(name, status)
         if name not in KEPT:
@@ -71,5 +71,5 @@ class Keeper:
         return f"{line}; restarted ({used + 1} of {self._allowed})", True
 
     def restarted(self, name: str) -> bool:
-        """Whether a node runs, or ran, in another process than its first."""
+        """Tell whether a node has been restarted."""
         return self._used.get(name, 0) > 0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One verdict and one exit status for a flight under `ros2 launch`. Needs neither ROS nor launch.
+"""Derive the verdict and exit status of a flight under `ros2 launch`. No ROS, no launch.
 
-The judge's node says what the flight came to. Launch knows besides how each process ended, and
-is told here what follows from that: the same as for a child of `ares fly`.
+The judge's node gives the verdict on the flight. Launch also knows how each process ended; this
+module tells it the consequences, which are those of a child of `ares fly`.
 """
 
 import asyncio
@@ -23,25 +23,25 @@ from ares_bringup.summary import (
 )
 
 PACKAGE = "ares_bringup"
-#: Sent to the judge: see `ares_bringup.judge`.
+#: Signals to the judge, see `ares_bringup.judge`.
 SIGNALS = {
     SIMULATOR: signal.SIGUSR2,
     GUIDANCE: signal.Signals(signal.SIGRTMIN),
     RECORDER: signal.SIGUSR1,
 }
-#: With which a judge ends that has spoken.
+#: Exit statuses of a judge that has given its verdict.
 VERDICTS = (EXIT_TARGET, EXIT_NOT_AS_IT_SHOULD, EXIT_CANNOT_START, EXIT_INTERRUPTED)
 
 
 @dataclass(frozen=True)
 class Consequence:
-    """What launch has to do because a process has ended.
+    """Hold the actions of launch after the end of a process.
 
     Attributes:
-        line: for the person at the terminal; empty: nothing to say.
+        line: message for the user; "": none.
         tell_judge: signal for the judge; None: none.
         shut_down: end all processes of the flight.
-        restart: start the process again.
+        restart: restart the process.
     """
 
     line: str = ""
@@ -51,19 +51,19 @@ class Consequence:
 
 
 class LaunchVerdict:
-    """Collects how the processes of one flight end.
+    """Collect the ends of a flight's processes.
 
     Attributes:
-        keeper: says whether one that has ended is started again.
+        keeper: decides on restarts.
         running: processes that have not ended for good.
-        up: those of them that have been started, and not ended since.
+        up: processes that run.
     """
 
     def __init__(self, shut_down_with_judge: bool = True) -> None:
-        """Nothing has been started yet.
+        """Start with no processes.
 
         Args:
-            shut_down_with_judge: end the flight's processes when the judge has spoken.
+            shut_down_with_judge: end the flight's processes when the judge has given its verdict.
         """
         self.keeper = Keeper()
         self.running: set[str] = set()
@@ -75,7 +75,7 @@ class LaunchVerdict:
         self._problems = False
 
     def start(self, names: Iterable[str]) -> None:
-        """Expect these processes to end some time."""
+        """Add processes whose ends are awaited."""
         self.running = set(names)
 
     def started(self, name: str) -> None:
@@ -83,16 +83,16 @@ class LaunchVerdict:
         self.up.add(name)
 
     def cannot_start(self, reason: str) -> None:
-        """Nothing is started, for this reason."""
+        """Record that nothing is started, and why."""
         self._cannot_start = True
         print(f"ares: {reason}", file=sys.stderr, flush=True)
 
     def interrupt(self) -> None:
-        """Launch shuts down."""
+        """Record that launch shuts down."""
         self._interrupted |= self._judged is None
 
     def ended(self, name: str, status: int) -> Consequence:
-        """Say what follows from the end of a process.
+        """Return the consequence of the end of a process.
 
         Args:
             name: of the node.
@@ -103,13 +103,13 @@ class LaunchVerdict:
         if not follows.restart:
             self.running.discard(name)
         if follows.shut_down:
-            # who waits to be started again is not
+            # drop processes that await a restart
             self.running &= self.up
         return follows
 
     def _judge_ended(self, status: int) -> Consequence:
         if -status in SIGNALS.values():
-            # told of a lost node before it could listen: there was no flight yet
+            # the judge was signalled before its handler was installed: no flight had begun
             self._judged = EXIT_CANNOT_START
         elif status in VERDICTS:
             self._judged = status
@@ -127,7 +127,7 @@ class LaunchVerdict:
             return Consequence(f"{name} {describe_end(status)} after the flight")
         tell = SIGNALS.get(name)
         if tell is not None and JUDGE not in self.up:
-            # there was no flight yet
+            # without a judge no flight has begun
             self._cannot_start = True
             return Consequence(f"{name} {describe_end(status)}", shut_down=True)
         line, again = self.keeper.ended(name, status)
@@ -139,7 +139,7 @@ class LaunchVerdict:
 
     @property
     def status(self) -> int:
-        """Exit status of the flight, as `ares fly` would have it."""
+        """Return the exit status of the flight, equal to that of `ares fly`."""
         if self._cannot_start or self._judged == EXIT_CANNOT_START:
             return EXIT_CANNOT_START
         if self._interrupted or self._judged is None:
@@ -148,7 +148,7 @@ class LaunchVerdict:
 
 
 def is_launched_itself(file: Path, words: Sequence[str]) -> bool:
-    """Tell whether `ros2 launch` was asked for this file, and not for one that includes it.
+    """Tell whether `ros2 launch` was given this file, not one that includes it.
 
     Args:
         file: the launch file.
@@ -163,18 +163,18 @@ def is_launched_itself(file: Path, words: Sequence[str]) -> bool:
 
 
 def end_launch_with(verdict: LaunchVerdict, loop: asyncio.AbstractEventLoop) -> None:
-    """Let `ros2 launch` end with the verdict; launch itself knows 0 and 1 only.
+    """Make `ros2 launch` exit with the verdict's status; launch itself uses 0 and 1 only.
 
     Args:
-        verdict: asked when launch has nothing more to do.
-        loop: the one that launch runs in.
+        verdict: read when launch has finished.
+        loop: the event loop of launch.
     """
 
     def leave(task: "asyncio.Task[int]") -> None:
-        # out of the loop, which stops now, and through the command's own end
+        # the loop stops here, so the exit passes through the end of the command
         sys.exit(verdict.status or task.result())
 
-    # launch handles SIGTERM only where Python does; else it dies of it, without a status
+    # launch handles SIGTERM only if Python has a handler; else it dies without a status
     signal.signal(signal.SIGTERM, lambda _number, _frame: None)
     for task in asyncio.all_tasks(loop):
         if getattr(task.get_coro(), "__name__", "") == "run_async":

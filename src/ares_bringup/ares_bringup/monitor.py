@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What watches a flight for its verdict: events, guidance status, diagnostics."""
+"""Watch a flight for its verdict: events, guidance status, diagnostics."""
 
 import time
 from collections.abc import Callable
@@ -50,23 +50,23 @@ _LEVELS = {
 }
 #: Wall time in s for the verdict to arrive.
 VERDICT_TIMEOUT = 0.5
-#: Warnings and errors that are passed on while the flight goes on.
+#: Most warnings and errors printed during the flight.
 MAX_SAID = 20
-#: Events that are kept, but for that of the end.
+#: Most events kept, not counting that of the end.
 MAX_EVENTS = 1000
 
 
 class FlightMonitor:
-    """Collects what the summary of a flight needs, and nothing that comes at the full rate.
+    """Collect the inputs of the flight's summary; subscribe to nothing at the full rate.
 
-    It takes part in the flight as its judge: the simulator can wait for it.
+    It is a member of the flight, as its judge: the simulator can wait for it.
 
     Attributes:
-        node: where its endpoints are.
-        summary: filled while the flight goes on.
+        node: owner of its endpoints.
+        summary: filled during the flight.
         last_heard: wall time of the last message, s of time.monotonic().
         when_ended: called when the flight has ended.
-        held: the judge does not agree yet, and so the flight does not start; see `let_go`.
+        held: withhold the judge's agreement, so that the flight does not start; see `let_go`.
         pages: browsers in which the live page is open; -1: it is not served yet.
     """
 
@@ -74,8 +74,8 @@ class FlightMonitor:
         """Create the endpoints.
 
         Args:
-            node: on which.
-            summary: what to fill; its flight_id says which flight is watched.
+            node: owner of the endpoints.
+            summary: to be filled; its flight_id selects the flight.
             say: gets one line for each warning or error of a node.
         """
         self.node = node
@@ -84,7 +84,7 @@ class FlightMonitor:
         self._membership = Membership(
             node, Role.JUDGE, flight_id=summary.flight_id, complain=self._on_forged
         )
-        #: ends that are told while the simulator says that it flies
+        #: events of the end received while the simulator still announces that it flies
         self._ends: list[FlightEvent] = []
         self.when_ended: Callable[[], None] = lambda: None
         self.held = False
@@ -112,35 +112,35 @@ class FlightMonitor:
         self._membership.listen(self._on_member)
 
     def let_go(self) -> None:
-        """Agree to the flight now: it waits for nothing else."""
+        """Agree to the flight, which may then start."""
         if self.held:
             self.held = False
-            self._membership.witness()
+            self._membership.agree_as_observer()
 
     def say_verdict(self) -> None:
-        """Tell the live page what the flight came to."""
+        """Send the verdict to the live page."""
         summary = self.summary
         words = {VERDICT: summary.verdict, GOOD: not summary.shortcomings()}
         self._timing_out.publish(timing(self.node, summary.flight_id, words))
         self._timing_out.wait_for_all_acked(Duration(seconds=VERDICT_TIMEOUT))
 
     def guidance_ended(self) -> None:
-        """Tell the others that the process of the guidance that flew is no more."""
+        """Announce that the process of the flying guidance has ended."""
         simulator = self._membership.simulator
         if simulator is not None:
-            self._membership.speak_for(int(simulator.guidance_id))
+            self._membership.announce_departure(int(simulator.guidance_id))
 
     @property
     def ended(self) -> bool:
-        """The flight has begun and come to its end."""
+        """Return whether the flight has begun and ended."""
         return self._ended and self.summary.started
 
     def recorders(self, *states: State) -> list[FlightMember]:
-        """Recorders of this flight in one of some states."""
+        """Return the recorders of this flight that are in one of some states."""
         return self._membership.others(Role.RECORDER, *states)
 
     def leave(self) -> None:
-        """Take part no more, and free the endpoints."""
+        """Leave the flight and free the endpoints."""
         self._membership.close()
         self.node.destroy_publisher(self._timing_out)
         for endpoint in self._inputs:
@@ -150,10 +150,10 @@ class FlightMonitor:
         if self.held:
             self._membership.join()
         else:
-            self._membership.witness()
+            self._membership.agree_as_observer()
         self.summary.flight_id = self._membership.flight_id
         if self._ends and not self._flies():
-            # of several the simulator's own is the last
+            # of several, the last is the simulator's own
             end, self._ends = self._ends[-1], []
             self._take_event(end)
 
@@ -207,7 +207,7 @@ class FlightMonitor:
             return
         now = self.last_heard = time.monotonic()
         if self._first_status is None:
-            # not an event: the first ones may have waited for this reader
+            # from a status, since the first events may have waited for this reader
             self._first_status = seconds_from_stamp(message.stamp), now
         self.summary.add_status(
             Status(
@@ -259,7 +259,7 @@ class FlightMonitor:
         if pages is not None:
             self.pages = int(pages)
         if said.get(PAUSED) == str(True) or (number_of(said, PACE) or 0.0) > 0.0:
-            # it waits for the wall clock, and is not stuck
+            # the simulator waits for the wall clock and is not stuck
             self.last_heard = time.monotonic()
 
     def _pass_on(self, line: str) -> None:
@@ -270,7 +270,7 @@ class FlightMonitor:
             self._say("further warnings are counted only")
 
     def _said_by_node(self, line: Diagnostic) -> bool:
-        """What ends a node's work it prints itself."""
+        """Tell whether the node prints an error itself, since it ends its work."""
         return line.level == "ERROR" and (line.node == "recorder" or not self.summary.started)
 
     def _on_lost(self, info: Any) -> None:
@@ -278,7 +278,7 @@ class FlightMonitor:
 
 
 def _plan(status: DiagnosticStatus) -> str:
-    """The plan that guidance has taken, in a line; empty where a status tells of none."""
+    """Describe the plan accepted by guidance; "" if a status has none."""
     said = {item.key: item.value for item in status.values}
     mass, lowest = number_of(said, FINAL_MASS_KG), number_of(said, LOWEST_COAST_M)
     if mass is None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a flight is asked to be. No ROS."""
+"""Define the options of a flight. No ROS."""
 
 import os
 import sys
@@ -12,30 +12,30 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ares_guidance.law import LawKind
 
-#: Highest seed, and highest number of flights: their draws and noise are keyed by them.
+#: Highest seed and highest number of flights, which key the random streams.
 MAX_SEED = 2**63 - 1
 MAX_FLIGHTS = 10**8
-#: Port where Foxglove looks unless told otherwise, and the highest that there is.
+#: Default port of Foxglove; highest port.
 FOXGLOVE_PORT = 8765
 MAX_PORT = 65535
-#: The guidance law that is flown unless another is named.
+#: Default guidance law.
 PEG = "peg"
 #: Highest ROS domain id; the ports of a higher one do not exist.
 MAX_DOMAIN_ID = 232
-#: How often a node that ends in flight is restarted unless another number is given, and at most.
+#: Default and highest number of restarts of a node that ends in flight.
 RESTARTS = 3
 MAX_RESTARTS = 100
 
 
 class CannotStart(Exception):
-    """What was asked for cannot start; the text is one line, empty if a node has said why."""
+    """Report in one line why a request cannot start; "" if a node has printed the reason."""
 
 
 def self_starting(guidance: str) -> "LawKind":
-    """The law of a flight that has no optimizer's node to ask.
+    """Return a guidance law that needs no trajectory of the optimizer's node.
 
     Raises:
-        CannotStart: it has to be told of a trajectory; one line.
+        CannotStart: it needs one; one line.
         ValueError: no such law; one line.
     """
     from ares_guidance.laws import find_law, self_starting_laws
@@ -50,14 +50,14 @@ def self_starting(guidance: str) -> "LawKind":
 
 
 class HeatingSource(StrEnum):
-    """What times a heating jettison, by the names of the parameter `heating_source`."""
+    """Name the sources of a heating jettison's time, as in parameter `heating_source`."""
 
     MEASURED = "measured"
     MODEL = "model"
 
 
 class InitialGuess(StrEnum):
-    """Where the guidance law starts, by the names of the parameter `initial_guess`."""
+    """Name the sources of the guidance law's initial guess, as in parameter `initial_guess`."""
 
     NONE = "none"
     OPTIMIZER = "optimizer"
@@ -65,20 +65,20 @@ class InitialGuess(StrEnum):
 
 
 class Maximize(StrEnum):
-    """What `optimize` may seek the most of, besides the mass at cut-off."""
+    """Name the objectives of `optimize` other than the mass at cut-off."""
 
     PAYLOAD = "payload"
 
 
 class AnalyticProfile(StrEnum):
-    """Polynomials of method `analytic`, by their names there."""
+    """Name the polynomials of method `analytic`, as in `ares_thesis.analytic.options`."""
 
     THESIS = "thesis"
     IMPROVED = "improved"
 
 
 class PositionIntegral(StrEnum):
-    """Position integrals of method `analytic`, by their names there."""
+    """Name the position integrals of method `analytic`, as there."""
 
     EXACT = "exact"
     TRAPEZOID = "trapezoid"
@@ -86,14 +86,14 @@ class PositionIntegral(StrEnum):
 
 
 class JettisonTarget(StrEnum):
-    """Where method `analytic` finds its jettison target, by the names there."""
+    """Name the sources of the jettison target of method `analytic`, as there."""
 
     MISSION = "mission"
     OPTIMIZER = "optimizer"
 
 
 class Heating(StrEnum):
-    """Where the optimizer holds a heating limit, by its names in `ares_optimizer.solve`."""
+    """Name the phases in which the optimizer holds a heating limit, as `ares_optimizer.solve`."""
 
     AT_JETTISON = "at_jettison"
     FROM_JETTISON = "from_jettison"
@@ -101,7 +101,7 @@ class Heating(StrEnum):
 
 
 class ExportFormat(StrEnum):
-    """Formats of `ares export`, by the ends of their files."""
+    """Name the formats of `ares export` by their file extensions."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -110,7 +110,7 @@ class ExportFormat(StrEnum):
 
 
 class ExportTable(StrEnum):
-    """Tables of a flight."""
+    """Name the tables of a flight."""
 
     FLIGHT = "flight"
     EVENTS = "events"
@@ -118,13 +118,13 @@ class ExportTable(StrEnum):
 
 @dataclass(frozen=True)
 class LiveOptions:
-    """The page that follows a flight.
+    """Hold the options of the live page.
 
     Attributes:
         host: address to serve on; beyond this machine the page has a token.
         port: 0 takes a free one.
         browser: open the page.
-        wait: let the flight begin when the page is open, or after a while.
+        wait: start the flight when the page is open, or after a time limit.
     """
 
     host: str = "127.0.0.1"
@@ -135,36 +135,36 @@ class LiveOptions:
 
 @dataclass(frozen=True)
 class FlyOptions:
-    """One flight.
+    """Hold the options of one flight.
 
     Attributes:
         mission: name of a shipped mission or path of a mission file.
         guidance: guidance law.
         in_process: all nodes in this process instead of one process each.
+        sealed: draw a key with which the nodes authenticate their messages.
         record: write a bag.
-        bag: folder of the bag; None takes a new name in the project's bags folder.
+        bag: folder of the bag; None: a new name in the project's bags folder.
         seed: seed of dispersions and navigation errors.
-        dispersions: name of shipped dispersions or path of a file; None flies the mission
-            exactly, or as a campaign would if a flight is named.
-        failure: what fails, as `ares_models.failures.read_failure` takes it; None: nothing does.
+        dispersions: name of shipped dispersions or path of a file; None: none, or those of a
+            campaign if a flight is given.
+        failure: in the format of `ares_models.failures.read_failure`; None: none.
         flight: number of a campaign's flight, stepped as there; None: flight 0 of the seed,
-            stepped as any flight.
-        sealed: draw a key, by which the nodes prove to each other who says what.
+            stepped as a single flight.
         pace: real-time factor; 0 flies as fast as guidance answers.
         navigation_period_s: flight time between navigation states; None: the node's default.
         cycle_period_s: flight time between guidance cycles; None: the node's default.
-        hold_time_s: time to go from which the steering is held; None: the node's default.
-        heating_source: what times a heating jettison; None: the node's default.
-        initial_guess: where the guidance law starts; the optimizer's node joins for its guess.
-            Law peg_thesis takes analytic for none.
-        attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
+        hold_time_s: time-to-go below which the steering is held; None: the node's default.
+        heating_source: source of the time of a heating jettison; None: the node's default.
+        initial_guess: source of the law's initial guess; the optimizer's node joins for its own.
+            Law peg_thesis replaces none by analytic.
+        attitude_rate_limit_deg_s: fastest turn of the thrust; 0: no limit.
         view: start the view node too.
-        foxglove_port: where Foxglove gets what the view node shows, which is then started; 0: not.
-        domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one that no other flight has.
+        foxglove_port: port for Foxglove; starts the view node too; 0: none.
+        domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one without another flight.
         namespace: namespace of all nodes and topics.
-        live: the page that follows the flight; None: none.
-        restarts: how often guidance, optimizer and view are each restarted if they end in flight.
-        arguments: further command line of nodes, by their names: what no option sets.
+        live: options of the live page; None: no page.
+        restarts: restarts allowed of each of guidance, optimizer and view in flight.
+        arguments: further command-line arguments by node name.
     """
 
     mission: str = "ares_v"
@@ -194,16 +194,16 @@ class FlyOptions:
 
 
 def has_display() -> bool:
-    """Whether a browser would be seen here."""
+    """Tell whether a browser would be visible here."""
     names = ("DISPLAY", "WAYLAND_DISPLAY")
     return sys.platform == "darwin" or any(os.environ.get(name) for name in names)
 
 
 def domain_id(options: FlyOptions) -> int | None:
-    """The ROS domain that a flight is told to take: of the options, else of ROS_DOMAIN_ID.
+    """Return the requested ROS domain: that of the options, else of ROS_DOMAIN_ID.
 
     Returns:
-        None if it is told nothing.
+        None if none is requested.
 
     Raises:
         CannotStart: it is not an integer from 0 to 232.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a ROS parameter file without ROS, for what a launch must know before it starts."""
+"""Read a ROS parameter file without ROS, before launch starts anything."""
 
 import stat
 from pathlib import Path
@@ -8,12 +8,12 @@ from typing import Any
 from ares_bags.errors import printable
 from ares_bags.schema import load_yaml
 
-#: Largest file that is read, bytes.
+#: Largest file accepted, bytes.
 _MAX_BYTES = 1 << 18
 
 
 def _text(path: Path) -> str:
-    """Text of a plain file: no device, no pipe, which might never end."""
+    """Read a regular file; refuse devices and pipes, which might never end."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise ValueError("not a plain file; expected a parameter file")
     with path.open("rb") as file:
@@ -24,9 +24,9 @@ def _text(path: Path) -> str:
 
 
 def node_values(path: str | Path, node: str) -> dict[str, Any]:
-    """Parameters that a file holds for a node, whatever the namespace.
+    """Read the parameters of a node from a file, whatever its namespace.
 
-    Sections named `**` hold for every node, those that end in the node's name win over them.
+    Sections named `**` apply to every node; those that end in the node's name take precedence.
 
     Args:
         path: the parameter file.

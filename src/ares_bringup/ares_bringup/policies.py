@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may publish, hear and ask what: policies for SROS2, from the endpoints that nodes create.
+"""Derive the SROS2 access policies from the endpoints that the nodes create.
 
     ./ares exec python -m ares_bringup.policies
 
-starts each node alone, looks at its endpoints, and writes policies.xml beside this file. How to use
-it: docs/security.md.
+starts each node alone, reads its endpoints, and writes policies.xml beside this file. Usage:
+docs/security.md.
 """
 
 import os
@@ -34,11 +34,11 @@ from ares_view.live.node import LiveNode
 from ares_view.standard.node import ViewNode
 
 FILE = Path(__file__).with_name("policies.xml")
-#: Enclave of a process that holds the judge, or in-process all nodes of a flight.
+#: Enclave of the process with the judge, or with all nodes in-process.
 FLY = "fly"
-#: What a replay publishes in place of the nodes that were recorded.
+#: Enclave of a replay, which publishes in place of the recorded nodes.
 REPLAY = "replay"
-#: Topics and services by what a profile calls them: element, attribute, item.
+#: Names in a profile of each kind of endpoint: element, attribute, item.
 _KINDS = {
     "publish": ("topics", "publish", "topic"),
     "subscribe": ("topics", "subscribe", "topic"),
@@ -49,7 +49,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Full names, sorted: what a node publishes, hears, answers and asks."""
+    """Hold the full names, sorted, of a node's topics and services."""
 
     publish: tuple[str, ...]
     subscribe: tuple[str, ...]
@@ -64,7 +64,7 @@ def _free_port() -> int:
 
 
 def makers(folder: Path) -> dict[str, tuple[Callable[..., FlightNode], dict[str, Any]]]:
-    """Each node of a flight by its name, with parameters by which it has all its endpoints."""
+    """Return class and parameters of each node of a flight, such that it has all its endpoints."""
     return {
         "vehicle_sim": (VehicleSimNode, {}),
         "guidance": (GuidanceNode, {"initial_guess": "optimizer"}),
@@ -77,9 +77,9 @@ def makers(folder: Path) -> dict[str, tuple[Callable[..., FlightNode], dict[str,
 
 
 def endpoints_of(node: FlightNode) -> Endpoints:
-    """What a node that works has on the graph."""
+    """Return the endpoints of an active node."""
     if isinstance(node, LiveNode):
-        # it takes a client when somebody says the pace
+        # it creates its client when a node reports the pace
         node._control(f"/{NAMESPACE}/vehicle_sim")
 
     def names(found: Any) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def _alone() -> Iterator[Context]:
 
 
 def collect() -> dict[str, Endpoints]:
-    """Endpoints of each node, by its name."""
+    """Return the endpoints of each node, by its name."""
     found = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, (kind, values) in makers(Path(folder)).items():
@@ -132,7 +132,7 @@ def _profile(parent: ElementTree.Element, node: str, allowed: Endpoints) -> None
 
 
 def document(found: Mapping[str, Endpoints]) -> str:
-    """The policies: an enclave for each node, one that holds all, one for a replay."""
+    """Render the policies: an enclave per node, one with all of them, one for a replay."""
     policy = ElementTree.Element("policy", version="0.2.0")
     enclaves = ElementTree.SubElement(policy, "enclaves")
 
@@ -153,7 +153,7 @@ def document(found: Mapping[str, Endpoints]) -> str:
 
 
 def read(text: str) -> dict[str, Endpoints]:
-    """What each node's own enclave allows, by the node's name."""
+    """Parse the endpoints allowed in each node's own enclave, by node name."""
     allowed = {}
     for enclave in ElementTree.fromstring(text).iter("enclave"):
         name = str(enclave.get("path")).removeprefix(f"{ENCLAVES}/")
@@ -173,7 +173,7 @@ def read(text: str) -> dict[str, Endpoints]:
 
 
 def main() -> None:
-    """Write the file."""
+    """Write policies.xml."""
     stay_on_this_machine(os.environ)
     FILE.write_text(document(collect()), encoding="utf-8")
     print(FILE)

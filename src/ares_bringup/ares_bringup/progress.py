@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Show how work goes on that takes long: how much is done, since when, how long it still takes."""
+"""Show the progress of long work: share done, time elapsed, time left."""
 
 import math
 import sys
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 def bar(*columns: ProgressColumn, quiet: bool = False) -> Progress:
-    """A bar on standard error, if that is a terminal.
+    """Make a progress bar on standard error, shown if that is a terminal.
 
     Args:
-        columns: what it shows besides, behind the count.
-        quiet: not at all.
+        columns: shown after the count.
+        quiet: hide it.
     """
     out = console(sys.stderr)
     return Progress(
@@ -46,20 +46,20 @@ def bar(*columns: ProgressColumn, quiet: bool = False) -> Progress:
 
 
 def search_line(word: "Word") -> str:
-    """One word of the optimizer on a search, as people read it."""
+    """Describe the progress of a search."""
     mass = "" if math.isnan(word.m_f_kg) else f", {number(word.m_f_kg, 1)} kg"
     return f"{word.method}: iteration {word.iterations}, violation {word.violation:.1e}{mass}"
 
 
 @contextmanager
 def search(quiet: bool = False) -> Iterator[Callable[["Word"], None]]:
-    """Show how a search goes on, in a line on standard error, if that is a terminal.
+    """Show the progress of a search in a line on standard error, if that is a terminal.
 
     Args:
-        quiet: not at all.
+        quiet: hide it.
 
     Yields:
-        What takes the words of the optimizer.
+        A function that accepts the optimizer's progress.
     """
     out = console(sys.stderr)
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight as its bag has it, and the verdict on it. No ROS."""
+"""Read a flight and its verdict from a bag. No ROS."""
 
 import sys
 import tempfile
@@ -23,7 +23,7 @@ from ares_models.units import NANOSECONDS
 
 Columns = Mapping[str, NDArray[Any]]
 
-#: What is read of a bag: topics and their fields.
+#: Topics and fields read from a bag.
 TOPICS = {
     "vehicle_state": (
         *("sequence", "position", "velocity", "mass", "thrust_direction", "thrust", "altitude"),
@@ -39,21 +39,21 @@ TOPICS = {
     "flight_event": ("type", "index", "time", "position", "velocity", "mass"),
 }
 DIAGNOSTICS = "/diagnostics"
-#: Of DiagnosticStatus; what is OK is no complaint.
+#: Levels of DiagnosticStatus other than OK.
 LEVELS = {1: "WARN", 2: "ERROR", 3: "STALE"}
 
 
 @dataclass(frozen=True)
 class RecordedFlight:
-    """What a bag holds of a flight.
+    """Hold a flight read from a bag.
 
     Attributes:
         path: of the bag, as given.
-        mission: that was flown.
-        law: that steered.
-        columns: of TOPICS, with `time` in s; of a topic without messages only that.
-        summary: the verdict; what is missing of the bag is one of its problems.
-        missing: what that is, one line; empty: nothing.
+        mission: flown mission.
+        law: guidance law.
+        columns: of TOPICS, with `time` in s; only `time` for a topic without messages.
+        summary: the verdict; losses of the bag are among its problems.
+        missing: losses of the bag, one line; "": none.
         custom: the bag's custom data.
         note: on its mission, see `FlownMission`.
     """
@@ -70,7 +70,7 @@ class RecordedFlight:
 
 @dataclass(frozen=True)
 class _Contents:
-    """What can be read of a bag, and what is missing: one line, empty if nothing is."""
+    """Hold the readable contents of a bag, and its losses in one line, "" if none."""
 
     custom: Mapping[str, str]
     columns: Mapping[str, Columns]
@@ -79,11 +79,11 @@ class _Contents:
 
 
 def read_flight(path: Path, given: str | None = None) -> RecordedFlight:
-    """A flight from its bag; of a damaged bag what is intact, and said to be so.
+    """Read a flight from its bag; from a damaged bag, the intact part, with a note on the loss.
 
     Args:
         path: the bag.
-        given: mission to take instead of that of the flight.
+        given: mission to use instead of that of the flight.
 
     Raises:
         CannotStart: there is no such bag, nothing in it can be read, it holds no flight, or
@@ -113,7 +113,7 @@ def read_flight(path: Path, given: str | None = None) -> RecordedFlight:
 
 
 def tell_notes(flown: Sequence[RecordedFlight]) -> None:
-    """Say on standard error by which mission flights are read, where that is not as it was."""
+    """Print the notes on the missions of flights on standard error."""
     for flight in flown:
         if flight.note:
             print(f"ares: {flight.path}: {' '.join(flight.note.split())}", file=sys.stderr)
@@ -133,18 +133,18 @@ def _read(path: Path, bag: Bag) -> _Contents:
     return _Contents(bag.custom_data, columns, complaints, "; ".join(missing))
 
 
-#: What tells where the vehicle is, by topic.
+#: Fields that must be finite for a message to be plotted, by topic.
 _PLACED = {
     "vehicle_state": ("time", "position", "velocity", "mass", "altitude"),
     "nav_state": ("time", "position", "velocity", "mass"),
     "flight_event": ("time", "position", "velocity", "mass"),
 }
-#: The largest of such a number that can be drawn, SI.
+#: Largest magnitude that can be plotted, SI.
 _LARGEST = 1e15
 
 
 def _leave_out(columns: dict[str, Columns], topic: str) -> int:
-    """Leave out the messages of a topic that tell no place; how many there were."""
+    """Drop the messages of a topic without a valid position; return their number."""
     told = columns[topic]
     good = np.ones(len(told["time"]), dtype=np.bool_)
     for name in _PLACED[topic]:
@@ -164,12 +164,12 @@ def _columns(bag: Bag, topic: str) -> Columns:
     absent = [name for name in TOPICS[topic] if name not in columns]
     if absent and len(times):
         raise CannotStart(f"bag {bag.path} holds another kind of {topic}: it has no {absent[0]}")
-    # events have a time of their own, which is not rounded
+    # the time field of an event, unlike its stamp, is not rounded
     return {"time": times, **columns}
 
 
 def _salvage(path: Path, error: BagError) -> _Contents:
-    """What is intact of a damaged bag, by way of a repaired copy."""
+    """Read the intact part of a damaged bag, from a repaired copy."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             saved = repair(path, Path(folder) / "saved")

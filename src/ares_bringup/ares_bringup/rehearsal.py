@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight flown ahead, before a node starts: does its law reach the target by the plan? No ROS."""
+"""Fly a mission ahead, before the nodes start, to check that its law reaches the target."""
 
 import math
 from collections.abc import Mapping
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from ares_optimizer.solution import Solution
     from ares_vehicle_sim.simulator import SimulatorOptions
 
-#: Part of the plan's final mass that a law may lose without a word.
+#: Relative loss of final mass against the plan above which a note is returned.
 TOLERATED = 3e-3
 
 
 @dataclass(frozen=True)
-class _Stage:
-    """Hold all that every law is tried with.
+class _Rehearsal:
+    """Hold the inputs common to all laws.
 
     Attributes:
-        mission: what is flown.
-        plan: of what the mission leaves free.
-        options: how the plant is stepped.
+        mission: flown mission.
+        plan: the optimizer's plan for its free quantities.
+        options: integration of the plant.
         settings: cycle and gates of the law.
     """
 
@@ -39,11 +39,11 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _End:
-    """Hold the end that a law comes to.
+    """Hold the end of a flight.
 
     Attributes:
-        missed: what is off by more than is allowed.
-        mass_kg: at cut-off; 0 where the target is not reached.
+        missed: quantities beyond their tolerance.
+        mass_kg: at cut-off; 0 if the target is missed.
     """
 
     missed: str
@@ -51,13 +51,13 @@ class _End:
 
 
 def rehearse(flown: Mapping[str, Any]) -> str:
-    """Fly a mission that needs a plan ahead, undisturbed.
+    """Fly a mission that needs a plan ahead, without dispersions.
 
     Args:
         flown: parameters of guidance and simulator by name, as far as given.
 
     Returns:
-        what the law is expected to lose, in a line; empty: next to nothing, or no plan is needed.
+        The expected loss of mass, one line; "" if it is small, or no plan is needed.
 
     Raises:
         CannotStart: no plan is found, or the law does not reach the target by it; one line.
@@ -69,16 +69,16 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         return ""
     law = str(flown.get("law", PEG))
     try:
-        stage = _stage(mission, law, flown)
-        end = _fly_ahead(stage, law)
+        rehearsal = _prepare(mission, law, flown)
+        end = _fly_ahead(rehearsal, law)
     except ValueError as error:
         raise CannotStart(str(error)) from error
     if not end.mass_kg:
         raise CannotStart(
             f"guidance is {law!r}, which misses the target when the mission is flown ahead "
-            f"({end.missed}); {_advice(stage, law)}"
+            f"({end.missed}); {_advice(rehearsal, law)}"
         )
-    plan_kg = stage.plan.m_f_kg
+    plan_kg = rehearsal.plan.m_f_kg
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
         return ""
@@ -88,8 +88,8 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     )
 
 
-def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
-    """Find the plan.
+def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehearsal:
+    """Solve for the plan.
 
     Raises:
         ValueError: there is none; one line.
@@ -106,7 +106,7 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
-    return _Stage(
+    return _Rehearsal(
         mission,
         plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s")),
         SimulatorOptions(**known[SimulatorOptions]),
@@ -114,30 +114,30 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
     )
 
 
-def _fly_ahead(stage: _Stage, law: str) -> _End:
-    """Return what a law comes to.
+def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
+    """Fly a law to its end.
 
     Raises:
-        ValueError: it does not fly such a mission; one line.
+        ValueError: it cannot fly such a mission; one line.
     """
     from ares_models.judge import End
     from ares_studies.closed_loop import fly_stepwise, ready_law
 
-    ready = ready_law(stage.mission, law, stage.settings, stage.plan)
-    plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
-    judged = judgement(facts_of(stage.mission), plant["position"], plant["velocity"])
+    ready = ready_law(rehearsal.mission, law, rehearsal.settings, rehearsal.plan)
+    plant = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready).plant
+    judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
     reached = judged.end is End.TARGET
     return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)
 
 
-def _advice(stage: _Stage, law: str) -> str:
-    """Name the other laws that reach the target, of those that start by themselves."""
+def _advice(rehearsal: _Rehearsal, law: str) -> str:
+    """Name the other self-starting laws that reach the target."""
     from ares_guidance.laws import self_starting_laws
 
     others = [name for name in self_starting_laws() if name != law]
     ways = []
     for name in others:
         with suppress(ValueError):
-            if _fly_ahead(stage, name).mass_kg:
+            if _fly_ahead(rehearsal, name).mass_kg:
                 ways.append(name)
     return f"try law {' or '.join(ways)}" if ways else "no other law reaches it"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight's summary for people: legible at 80 columns, with or without colours."""
+"""Print a flight's summary, legible at 80 columns, with or without colours."""
 
 import math
 import os
@@ -14,7 +14,7 @@ from ares_bringup.summary import FlightSummary, OrbitState, orbit_state, target_
 WIDTH = 80
 BLANK = "-"
 
-#: Errors of an orbit that have no column of their own, with their units.
+#: Orbit errors without a column of their own: label and unit.
 ORBIT_ERRORS = {
     "perigee_radius_m": ("perigee radius", " m"),
     "apogee_radius_m": ("apogee radius", " m"),
@@ -27,26 +27,26 @@ ORBIT_ERRORS = {
 
 
 def console(file: IO[str] | None = None) -> Console:
-    """A console that never writes wider than WIDTH and colours a terminal only."""
+    """Make a console at most WIDTH columns wide, coloured on a terminal only."""
     made = Console(file=file, highlight=False, emoji=False, markup=False)
     made.width = min(made.width, WIDTH) if made.is_terminal else WIDTH
     return made
 
 
 def number(value: float | None, decimals: int) -> str:
-    """A number with thousands separators; BLANK if unknown."""
+    """Format a number with thousands separators; BLANK if unknown."""
     if value is None or not math.isfinite(value):
         return BLANK
     return f"{value:,.{decimals}f}"
 
 
 def small(value: float) -> str:
-    """A signed error with three figures; BLANK if unknown."""
+    """Format a signed error with three significant figures; BLANK if unknown."""
     return f"{value:+.2e}" if math.isfinite(value) else BLANK
 
 
 def shown_path(path: str) -> str:
-    """A path as one would type it here: relative if that is shorter."""
+    """Return the shorter of a path and its relative form."""
     relative = os.path.relpath(path)
     return relative if len(relative) < len(path) else path
 
@@ -72,7 +72,7 @@ def print_summary(summary: FlightSummary, out: Console) -> None:
 
 
 def insertion_table(summary: FlightSummary) -> Table:
-    """Rows target, predicted, flown, error; a column per judged quantity."""
+    """Tabulate target, predicted, flown, error; a column per judged quantity."""
     end = summary.end
     assert end is not None
     target = target_state(summary.facts, end.position)
@@ -115,7 +115,7 @@ def insertion_table(summary: FlightSummary) -> Table:
 
 
 def event_table(summary: FlightSummary) -> Table:
-    """Events with time and mass after the event."""
+    """Tabulate the events with time and mass after the event."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("time s", justify="right")
     table.add_column("mass kg", justify="right")
@@ -126,7 +126,7 @@ def event_table(summary: FlightSummary) -> Table:
 
 
 def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
-    """Name and value of what stands below the tables."""
+    """Return label and value of the lines below the tables."""
     lines = []
     if summary.m_f_kg is not None:
         lines.append(("final mass", f"{number(summary.m_f_kg, 2)} kg"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a flight came to: collected while it flies, judged when it is over. No ROS."""
+"""Collect a flight while it flies and judge it when it is over. No ROS."""
 
 import math
 from collections import Counter
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from ares_models.mission import Mission
     from ares_models.orbits import Elements
 
-#: Words of marks that are nearer than this share of the flight stand together, at the last of them.
+#: Fraction of the flight within which neighbouring labels are merged, at the last of them.
 NEAR_MARKS = 0.15
 
 #: Exit statuses of `ares fly`.
@@ -51,14 +51,14 @@ EXIT_NOT_AS_IT_SHOULD = 1
 EXIT_CANNOT_START = 2
 EXIT_INTERRUPTED = 130
 
-#: Diagnostics kept with the flight; what comes after is counted only.
+#: Most diagnostics kept; later ones are only counted.
 MAX_DIAGNOSTICS = 200
 
 Vector = tuple[float, float, float]
 
 
 class Outcome(StrEnum):
-    """How a flight ended."""
+    """Name the ways in which a flight ends."""
 
     TARGET = "target"
     TARGET_MISSED = "target_missed"
@@ -69,7 +69,7 @@ class Outcome(StrEnum):
     INTERRUPTED = "interrupted"
 
 
-#: Outcomes in a few words; more is said below them.
+#: Outcomes in a few words.
 VERDICTS = {
     Outcome.TARGET: "Flown to the target",
     Outcome.TARGET_MISSED: "Target missed",
@@ -82,14 +82,14 @@ VERDICTS = {
 
 
 def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
-    """Put words of near instants together at the last of them, so that none lies over another.
+    """Merge the labels of close instants at the last of them, so that none overlap.
 
     Args:
-        words: by instant, s.
-        span_s: of the whole flight.
+        words: labels by instant, s.
+        span_s: duration of the whole flight.
 
     Returns:
-        instants in order, with a word that may be empty.
+        Instants in order, each with a label that may be "".
     """
     marks = sorted(words.items())
     for k in range(len(marks) - 1):
@@ -101,20 +101,20 @@ def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
 
 @dataclass(frozen=True)
 class MissionFacts:
-    """What is needed of a mission to name and to judge its flight.
+    """Hold the data of a mission by which its flight is described and judged.
 
     Attributes:
         name: short name.
-        title: name for people.
+        title: full name.
         mu: m3/s2.
         target: record of dtype TARGET.
-        arcs: a name for each arc.
+        arcs: name of each arc.
         stages: name of each stage.
         jettisons: name of each jettison.
-        fairing: first jettison that waits for the heating to fall; None if none does.
+        fairing: index of the first heating jettison; None: none.
         equatorial_radius: m.
-        environment: record of dtype ENVIRONMENT; None: where longitude zero is, is not known.
-        areas: names of those that impacts are kept out of.
+        environment: record of dtype ENVIRONMENT; None: longitude zero is unknown.
+        areas: names of the areas that impacts must avoid.
     """
 
     name: str
@@ -131,7 +131,7 @@ class MissionFacts:
 
 
 def facts_of(mission: "Mission") -> MissionFacts:
-    """What is needed of a mission."""
+    """Return the facts of a mission."""
     from ares_models.mission_target import target_record
 
     heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.jettisons]
@@ -152,7 +152,7 @@ def facts_of(mission: "Mission") -> MissionFacts:
 
 @dataclass(frozen=True)
 class Event:
-    """A flight event, as in FlightEvent: SI, ares_eci."""
+    """Hold a flight event, as in FlightEvent: SI, ares_eci."""
 
     type: int
     index: int
@@ -164,7 +164,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """A warning or an error of a node; `time` is mission elapsed time in s."""
+    """Hold a warning or an error of a node; `time` is mission elapsed time in s."""
 
     time: float
     node: str
@@ -172,13 +172,13 @@ class Diagnostic:
     message: str
 
     def __str__(self) -> str:
-        """One line."""
+        """Format it as one line."""
         return printable(f"t {self.time:.2f} s  {self.level}  {self.node}: {self.message}")
 
 
 @dataclass(frozen=True)
 class Status:
-    """The part of GuidanceStatus that the summary uses."""
+    """Hold the fields of GuidanceStatus that the summary uses."""
 
     time: float
     cycle: int
@@ -193,7 +193,7 @@ class Status:
 
 @dataclass(frozen=True)
 class OrbitState:
-    """What an insertion is judged by: m, m/s, degrees."""
+    """Hold the quantities by which an insertion is judged: m, m/s, degrees."""
 
     radius_m: float
     speed_m_s: float
@@ -203,7 +203,7 @@ class OrbitState:
 
 
 def orbit_state(position: Sequence[float], velocity: Sequence[float]) -> OrbitState:
-    """Judged quantities of a state.
+    """Compute the judged quantities of a state.
 
     Args:
         position: m, shape (3,).
@@ -222,9 +222,9 @@ def orbit_state(position: Sequence[float], velocity: Sequence[float]) -> OrbitSt
 
 
 def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
-    """What the target asks for at a flown position; NaN where it asks for nothing.
+    """Compute the target's quantities at a flown position; NaN where they are free.
 
-    A Keplerian target leaves the place on the orbit free. It is judged at the point of the
+    A Keplerian target leaves the position on the orbit free. It is evaluated at the point of the
     target orbit that is nearest in direction to the flown position.
 
     Args:
@@ -259,14 +259,14 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
     except (OverflowError, ValueError):
         anomaly = math.nan
     if math.isnan(anomaly):
-        # beyond numbers: nothing is near
+        # overflow: no nearest point exists
         return OrbitState(*[math.nan] * len(fields(OrbitState)))
     there = replace(orbit, true_anomaly=anomaly).state(facts.mu)
     return orbit_state(there[0].tolist(), there[1].tolist())
 
 
 def _named_state(target: Any) -> OrbitState:
-    """What a target by elements names of a state; NaN for the rest."""
+    """Return the quantities that a target by elements fixes; NaN for the others."""
     named = int(target["named"])
     return OrbitState(
         float(target["radius"]) if named & NAMES_RADIUS else math.nan,
@@ -288,13 +288,13 @@ def judgement(
     *,
     grounded: bool = False,
 ) -> "Judgement":
-    """Return what the judge says of a state.
+    """Judge a state.
 
     Args:
         facts: the mission.
         position: m, shape (3,).
         velocity: m/s, shape (3,).
-        grounded: whether the vehicle met the ground.
+        grounded: whether the vehicle has hit the ground.
     """
     from ares_models.judge import judge
 
@@ -306,9 +306,9 @@ def judgement(
 def orbit_of(
     facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
 ) -> "Elements":
-    """The orbit of a state; NaN in all its elements where there is none.
+    """Compute the orbital elements of a state; all NaN if there is no orbit.
 
-    Args: as in :func:`judgement`.
+    Args: see :func:`judgement`.
     """
     from ares_models.orbits import Elements
 
@@ -320,31 +320,31 @@ def orbit_of(
 
 @dataclass
 class FlightSummary:
-    """A flight as it is seen from outside: events, guidance status, diagnostics.
+    """Hold a flight as observed: events, guidance status, diagnostics.
 
     Attributes:
         facts: the mission.
         guidance: name of the law.
-        bag: absolute path of the bag; None if nothing is recorded.
+        bag: absolute path of the bag; None: not recorded.
         flight_id: identity of the flight.
         domain_id: ROS domain of its graph.
         namespace: namespace of its nodes, with the leading slash.
-        foreign_messages: messages of other flights that came to the judge and were left out.
+        foreign_messages: messages of other flights that the judge received and ignored.
         events: in the order of arrival.
         first_converged: first status with an accepted solution.
         last_converged: last one.
         guidance_cycles: highest cycle number seen.
-        seen_from_start: no guidance cycle was missed before the first that was seen.
-        max_stale_cycles: most cycles in a row without an accepted solution.
-        laws: cycles that each law has flown, by its code in GuidanceStatus.
+        seen_from_start: no guidance cycle was missed before the first one seen.
+        max_stale_cycles: most consecutive cycles without an accepted solution.
+        laws: number of cycles by the law's code in GuidanceStatus.
         diagnostics: warnings and errors, the first MAX_DIAGNOSTICS of them.
         diagnostic_count: all of them.
-        lost_messages: events, status messages and diagnostics that the monitor did not get.
-        problems: what went wrong around the flight, one line each.
-        forged: what nodes said of messages in names that are not those of who said them.
-        interrupted: Ctrl-C or SIGTERM ended it.
-        longest_cycle_ms: wall time of the longest guidance cycle; None if guidance did not say.
-        realtime_factor: flight time over wall time, start-up left out; None if not known.
+        lost_messages: events, statuses and diagnostics that the monitor did not receive.
+        problems: faults around the flight, one line each.
+        forged: reports of nodes on messages whose sender is not the one they name.
+        interrupted: ended by Ctrl-C or SIGTERM.
+        longest_cycle_ms: wall time of the longest guidance cycle; None: unknown.
+        realtime_factor: flight time over wall time, without start-up; None: unknown.
         wall_s: wall time of the whole command, s.
     """
 
@@ -375,11 +375,11 @@ class FlightSummary:
     # ---- collecting
 
     def add_event(self, event: Event) -> None:
-        """Take an event."""
+        """Add an event."""
         self.events.append(event)
 
     def add_status(self, status: Status) -> None:
-        """Take a guidance status; a gap in the cycle numbers counts as lost messages."""
+        """Add a guidance status; count a gap in the cycle numbers as lost messages."""
         if not self.guidance_cycles:
             self.seen_from_start = status.cycle <= 1
         elif status.cycle > self.guidance_cycles + 1:
@@ -392,25 +392,25 @@ class FlightSummary:
             self.last_converged = status
 
     def add_diagnostic(self, diagnostic: Diagnostic) -> None:
-        """Take a warning or an error."""
+        """Add a warning or an error."""
         self.diagnostic_count += 1
         if len(self.diagnostics) < MAX_DIAGNOSTICS:
             self.diagnostics.append(diagnostic)
 
     def add_forged(self, text: str) -> None:
-        """Take a word on forged messages."""
+        """Add a report on forged messages."""
         if len(self.forged) < MAX_DIAGNOSTICS:
             self.forged.append(text)
 
     def set_rate(self, flight_time: float, wall_time: float) -> None:
-        """Note that so much flight time (s) was seen to pass in so much wall time (s)."""
+        """Set the real-time factor from an interval of flight time and wall time, s."""
         if flight_time > 0.0 and wall_time > 0.0:
             self.realtime_factor = flight_time / wall_time
 
     # ---- the flight
 
     def first(self, kind: int, index: int | None = None) -> Event | None:
-        """First event of a type, and of an index if one is given; None if there is none."""
+        """Return the first event of a type, and of an index if one is given; None without one."""
         for event in self.events:
             if event.type == kind and index in (None, event.index):
                 return event
@@ -418,17 +418,17 @@ class FlightSummary:
 
     @property
     def started(self) -> bool:
-        """The first event of the flight has come."""
+        """Return whether the first event of the flight was received."""
         return self.first(FLIGHT_STARTED) is not None
 
     @property
     def end(self) -> Event | None:
-        """FLIGHT_COMPLETE, IMPACT or TIME_LIMIT; None before."""
+        """Return FLIGHT_COMPLETE, IMPACT or TIME_LIMIT; None before."""
         return next(filter(None, map(self.first, ENDS)), None)
 
     @property
     def t_plf_s(self) -> float | None:
-        """Time of the fairing jettison (the one that waits for the heating), s."""
+        """Return the time of the fairing's heating jettison, s."""
         if self.facts.fairing is None:
             return None
         event = self.first(JETTISON_DONE, self.facts.fairing)
@@ -436,18 +436,18 @@ class FlightSummary:
 
     @property
     def t_meco_s(self) -> float | None:
-        """Time of the main-engine cut-off command, s."""
+        """Return the time of the main-engine cut-off command, s."""
         event = self.first(CUTOFF)
         return event.time if event else None
 
     @property
     def m_f_kg(self) -> float | None:
-        """Mass at the end of the flight, kg."""
+        """Return the mass at the end of the flight, kg."""
         return self.end.mass if self.end else None
 
     @property
     def judgement(self) -> "Judgement | None":
-        """What the judge says of the end of the flight, tail-off included; None before."""
+        """Return the judgement of the end of the flight, tail-off included; None before."""
         if self.end is None:
             return None
         grounded = self.end.type == IMPACT
@@ -455,15 +455,16 @@ class FlightSummary:
 
     @property
     def insertion_error(self) -> dict[str, float]:
-        """Errors at the end of the flight, flown minus target; empty before."""
+        """Return the errors at the end of the flight, flown minus target; empty before."""
         judged = self.judgement
         return judged.errors if judged else {}
 
     @property
     def impact(self) -> "Impact | None":
-        """Where the vehicle falls, without air.
+        """Return the impact point without drag.
 
-        None before the end, where it stays above the ground, and where longitudes are not known.
+        None before the end, if the vehicle stays above the ground, and if longitude zero is
+        unknown.
         """
         if self.end is None or self.facts.environment is None:
             return None
@@ -474,13 +475,13 @@ class FlightSummary:
 
     @property
     def first_convergence_iterations(self) -> int | None:
-        """Iterations until the first accepted solution; None if it was not seen."""
+        """Return the iterations until the first accepted solution; None if it was not seen."""
         status = self.first_converged
         return status.total_iterations if status and self.seen_from_start else None
 
     @property
     def unguided_s(self) -> float:
-        """Flight time for which guidance gave no answer, s."""
+        """Return the flight time without an answer of guidance, s."""
         total, since = 0.0, None
         for event in self.events:
             if event.type == GUIDANCE_LOST and since is None:
@@ -494,7 +495,7 @@ class FlightSummary:
 
     @property
     def outcome(self) -> Outcome:
-        """How the flight ended."""
+        """Return the way in which the flight ended."""
         if self.first(IMPACT):
             return Outcome.IMPACT
         if self.first(TIME_LIMIT):
@@ -506,12 +507,12 @@ class FlightSummary:
         return Outcome.TARGET_MISSED if self.misses() else Outcome.TARGET
 
     def misses(self) -> list[str]:
-        """The quantities that lie beyond what is allowed, one text each."""
+        """Describe the quantities beyond their tolerance, one text each."""
         judged = self.judgement
         return judged.misses() if judged else []
 
     def shortcomings(self) -> list[str]:
-        """All that was not as it should be, one line each; empty for a good flight."""
+        """List all faults of the flight, one line each; empty for a good flight."""
         lines = {
             Outcome.TARGET: [],
             Outcome.TARGET_MISSED: ["target missed: " + "; ".join(self.misses()), *self._instead()],
@@ -540,13 +541,13 @@ class FlightSummary:
 
     @property
     def _thrust_end(self) -> str:
-        """Why there was no thrust any more: an engine that fails leaves propellant aboard."""
+        """Return why the thrust ended: a failed engine leaves propellant aboard."""
         last = next((e for e in reversed(self.events) if e.type in (FAILED, DEPLETION)), None)
         failed = last is not None and last.type == FAILED
         return "thrust ended by a failure" if failed else "propellant ran out"
 
     def _fallen(self, impact: "Impact") -> str:
-        """Where it falls, and in which area."""
+        """Describe the impact point and its area."""
         count = len(self.facts.areas)
         if impact.area is not None:
             where = f", in {impact.area}"
@@ -559,13 +560,13 @@ class FlightSummary:
         return f"falls at {impact.place}{where}"
 
     def _instead(self) -> list[str]:
-        """What was reached at the end, in one line."""
+        """Describe the orbit reached at the end, in one line."""
         judged = self.judgement
         return [judged.reached()] if judged else []
 
     @property
     def verdict(self) -> str:
-        """The outcome in a few words."""
+        """Return the outcome in a few words."""
         text = VERDICTS[self.outcome]
         if self.outcome is Outcome.DEPLETION:
             text = self._thrust_end.capitalize()
@@ -575,23 +576,23 @@ class FlightSummary:
 
     @property
     def exit_code(self) -> int:
-        """Exit status of `ares fly`."""
+        """Return the exit status of `ares fly`."""
         if self.outcome is Outcome.INTERRUPTED:
             return EXIT_INTERRUPTED
         return EXIT_NOT_AS_IT_SHOULD if self.shortcomings() else EXIT_TARGET
 
-    # ---- for people and programs
+    # ---- output
 
     def event_name(self, event: Event) -> str:
-        """An event in words, with the mission's names."""
+        """Describe an event with the mission's names."""
         facts = self.facts
         return event_name(event.type, event.index, facts.arcs, facts.stages, facts.jettisons)
 
     def marks(self) -> list[tuple[float, str]]:
-        """Instants for pictures: mission elapsed time in s, and a word that may be empty.
+        """Return the instants to mark in plots: mission elapsed time in s, and a label, maybe "".
 
-        One mark an instant, and no word over another. A coast begins where a burn ends, and ends
-        where an engine ignites; what drops at that instant says more.
+        Each instant has one mark, and labels do not overlap. A coast begins where a burn ends, and
+        ends where an engine ignites; a drop at the same instant takes precedence.
         """
         ignitions = {round(event.time, 3) for event in self.events if event.type == IGNITION}
         words: dict[float, str] = {}
@@ -606,7 +607,7 @@ class FlightSummary:
         return apart(words, span)
 
     def to_json(self) -> dict[str, Any]:
-        """The object that `ares fly --json` prints; unknown numbers are None."""
+        """Return the object that `ares fly --json` prints; unknown numbers are None."""
         judged = self.judgement
         errors = judged.errors if judged else {}
         keys = dict.fromkeys(("radius_m", "speed_m_s", "flight_path_angle_deg", "inclination_deg"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight on the terminal while it goes on: where it is, what guidance makes of it."""
+"""Show a flight on the terminal while it flies: its state and guidance's prediction."""
 
 import time
 from collections import deque
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
     from ares_bringup.monitor import FlightMonitor
 
-#: Wall time in s over which the real-time factor is taken.
+#: Wall time in s over which the real-time factor is averaged.
 RATE_WINDOW = 2.0
-#: Wall time in s without a state after which it is said to be old.
+#: Wall time in s after which a state is shown as old.
 OLD_AFTER = 1.0
-#: Errors that have a column: name in `insertion_error`, heading.
+#: Errors with a column: name in `insertion_error`, heading.
 ERRORS = {
     "radius_m": "radius, m",
     "speed_m_s": "speed, m/s",
@@ -37,9 +37,9 @@ ERRORS = {
 
 
 class TerminalView:
-    """Drawn anew ten times a second, over itself; gone when the flight is over.
+    """Draw the flight ten times a second, in place; remove it when the flight is over.
 
-    It reads the last state only, and only when it draws: the flight does not wait for it.
+    It reads only the last state, and only when it draws: the flight does not wait for it.
     """
 
     def __init__(self, out: Console) -> None:
@@ -62,7 +62,7 @@ class TerminalView:
         self._passed: deque[tuple[float, float]] = deque()
 
     def __enter__(self) -> Self:
-        """It appears when the flight has begun."""
+        """Return the view; it appears when the flight has begun."""
         return self
 
     def __exit__(
@@ -71,11 +71,11 @@ class TerminalView:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give the terminal back."""
+        """Restore the terminal."""
         self._live.stop()
 
     def show(self, monitor: "FlightMonitor") -> None:
-        """Draw what is known now."""
+        """Draw the latest state."""
         if self._monitor is None:
             self._monitor = monitor
             self._input = monitor.node.create_subscription(
@@ -86,7 +86,7 @@ class TerminalView:
         try:
             state = message_of(self._raw, VehicleState)
         except Unreadable:
-            # of another definition of the type, or of nobody's
+            # unreadable, or of another version of the type
             return
         if state.flight_id != monitor.summary.flight_id:
             return
@@ -100,7 +100,7 @@ class TerminalView:
         self._heard = time.monotonic()
 
     def _rate(self, state: VehicleState) -> float | None:
-        """Flight time over wall time, of late."""
+        """Return flight time over wall time, averaged over RATE_WINDOW."""
         self._passed.append((time.monotonic(), seconds_from_stamp(state.stamp)))
         while self._passed[-1][0] - self._passed[0][0] > RATE_WINDOW:
             self._passed.popleft()
@@ -111,13 +111,13 @@ class TerminalView:
 def picture(
     summary: FlightSummary, state: VehicleState, rate: float | None, silent_s: float
 ) -> Table:
-    """A few lines of at most 80 columns.
+    """Compose the lines on a flight, at most 80 columns wide.
 
     Args:
-        summary: what is known of the flight.
+        summary: of the flight so far.
         state: its last true state.
-        rate: real-time factor; None if unknown.
-        silent_s: wall time since that state came.
+        rate: real-time factor; None: unknown.
+        silent_s: wall time since that state arrived.
     """
     now = seconds_from_stamp(state.stamp)
     lines = Table.grid(padding=(0, 0))

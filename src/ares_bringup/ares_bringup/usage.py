@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Help, and words that no verb knows, answered before anything is imported or prepared.
+"""Answer `--help` and unknown words before anything is imported or prepared.
 
-Standard library only: `./ares` asks it in a clone in which nothing is installed yet. What the
-verbs take is in `usage.json`, which `make usage` writes from the command line itself; a test
-compares the two.
+Standard library only: `./ares` uses it in a clone without any installed package. The words of all
+verbs are in `usage.json`, which `make usage` writes from the command line itself; a test compares
+the two.
 """
 
 import difflib
@@ -17,7 +17,7 @@ EXIT_BAD_INPUT = 2
 
 
 class Answer(NamedTuple):
-    """Return what a call comes to that needs no verb: the exit status, help, a refusal."""
+    """Hold the answer to a call that needs no verb: exit status, help text, refusal."""
 
     status: int
     out: str = ""
@@ -25,21 +25,21 @@ class Answer(NamedTuple):
 
 
 def read_usage() -> dict[str, Any]:
-    """Read what the verbs take: the tree of commands that `tools/usage.py` describes."""
+    """Read the tree of commands that `tools/usage.py` describes."""
     text = Path(__file__).with_name("usage.json").read_text(encoding="utf-8")
     tree: dict[str, Any] = json.loads(text)
     return tree
 
 
 def answer(words: Sequence[str], also: Sequence[str] = ()) -> Answer | None:
-    """Answer a call that asks for help, or that has a verb or an option that there is none of.
+    """Answer a call that asks for help, or that has an unknown verb or option.
 
     Args:
         words: the call without the program's name.
-        also: verbs that whoever asks has besides.
+        also: further verbs of the caller.
 
     Returns:
-        None where the verb has to see for itself.
+        None if the verb must parse the call itself.
     """
     command, path, left = read_usage(), "ares", list(words)
     while "commands" in command:
@@ -66,7 +66,7 @@ def answer(words: Sequence[str], also: Sequence[str] = ()) -> Answer | None:
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """Ask for the word that is spelled most like one that is not known; nothing if none is."""
+    """Suggest the known word closest in spelling; "" if none is close."""
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean {close[0]}?" if close else ""
 
@@ -76,7 +76,7 @@ def _refuse(reason: str, path: str) -> Answer:
 
 
 def _read_options(command: dict[str, Any], path: str, words: list[str]) -> Answer | None:
-    """Look for help and for options that a command does not have."""
+    """Look for a request of help and for unknown options."""
     values: dict[str, int] = command["options"]
     known = [*values, *HELP_WORDS]
     passes_on = command.get("passes_on", False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a flight is over, and when it is given up. No ROS."""
+"""Detect the end of a flight, and stalls. No ROS."""
 
 import math
 import os
@@ -13,21 +13,21 @@ from ares_node.security import RANGE
 if TYPE_CHECKING:
     from ares_bringup.monitor import FlightMonitor
 
-#: Wall time in s after which a start that takes long is explained.
+#: Wall time in s after which a slow start is explained.
 PATIENCE = 15.0
-#: The same where nodes are kept from finding each other.
+#: The same if discovery is switched off.
 OFF_PATIENCE = 3.0
-#: Wall time in s for all nodes to start; the very first flight compiles for a while.
+#: Wall time in s for all nodes to start, compilation of the first flight included.
 START_TIMEOUT = 300.0
-#: Wall time in s without any message, beyond what the pace explains, after which the flight
-#: is given up.
+#: Wall time in s without any message, in addition to that explained by the pace, after which the
+#: flight is aborted.
 STALL_TIMEOUT = 60.0
-#: Flight time in s that may pass without a message: guidance speaks once per cycle.
+#: Longest flight time in s without a message: guidance sends one per cycle.
 LONGEST_SILENCE = 100.0
 
 
 class Watch:
-    """What is looked at in every turn of a loop: patience, stalls, the end."""
+    """Check in every turn of a loop for the end, a stall or a slow start."""
 
     def __init__(
         self,
@@ -38,15 +38,15 @@ class Watch:
         begun: Callable[[], None] = lambda: None,
         patience: float = PATIENCE,
     ) -> None:
-        """Begin to wait.
+        """Start watching.
 
         Args:
-            monitor: what is heard of the flight.
+            monitor: of the flight.
             pace: real-time factor; 0: as fast as guidance answers.
-            say: gets a line for the person who waits.
-            interrupted: whether a signal asks for the end.
+            say: gets a line for the user.
+            interrupted: whether a signal requests the end.
             begun: called once when the flight has begun.
-            patience: wall time in s after which a start that takes long is explained.
+            patience: wall time in s after which a slow start is explained.
         """
         self._monitor = monitor
         self._interrupted = interrupted
@@ -58,7 +58,7 @@ class Watch:
         self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
 
     def over(self) -> bool:
-        """The flight is over, or given up for a reason that is then in the summary.
+        """Tell whether the flight is over or aborted; the summary then has the reason.
 
         Raises:
             CannotStart: it has not begun within START_TIMEOUT.

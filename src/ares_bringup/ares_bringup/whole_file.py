@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are there whole, or not at all. No ROS."""
+"""Write files atomically. No ROS."""
 
 import contextlib
 import os
@@ -11,7 +11,7 @@ from ares_bringup.options import CannotStart
 
 
 def write_whole(out: Path, content: bytes) -> None:
-    """Write what `--out` names: under another name first.
+    """Write the file of `--out` atomically, by way of a temporary name.
 
     Raises:
         CannotStart: it cannot be written; one line.
@@ -20,7 +20,7 @@ def write_whole(out: Path, content: bytes) -> None:
 
 
 def write_all(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Write files of the folder that `--out` names, by name: all at once, or none.
+    """Write files, by name, in the folder of `--out`; remove temporary files on failure.
 
     Raises:
         CannotStart: one cannot be written; one line.

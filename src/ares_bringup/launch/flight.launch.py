@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One flight under `ros2 launch`: simulator, guidance, recorder and judge, each a process.
+"""Launch one flight with `ros2 launch`: simulator, guidance, recorder and judge, a process each.
 
     ros2 launch ares_bringup flight.launch.py mission:=ares_v pace:=1.0
 
-An argument that is left empty leaves its parameter to the parameter file. When the judge has
-spoken, the processes of the flight end. The launch ends with them, with the exit status of
-`ares fly`, unless another launch file has included this one: its own processes go on then.
+An empty argument leaves its parameter to the parameter file. When the judge has given its verdict,
+the processes of the flight end. The launch ends with them, with the exit status of `ares fly`,
+unless another launch file has included this one: its own processes continue then.
 """
 
 import os
@@ -70,14 +70,14 @@ from ares_node.parent import LAUNCHER
 SWITCH = ["true", "false"]
 LEVELS = ["debug", "info", "warn", "error", "fatal"]
 
-#: The domain of those who name none; a flight takes it if no other flight has.
+#: Default ROS domain; a flight uses it if no other flight does.
 DEFAULT_DOMAIN = 0
 
-#: Wall time in s that the judge has to end a flight which had not begun, instead of a restart.
+#: Wall time in s before a restart, in which the judge can end a flight that had not begun.
 RESTART_DELAY = 1.0
 
 #: Wall time in s for a node to end, and the recorder to close its bag, before it gets SIGTERM
-#: again: a busy machine is no fault of a flight.
+#: again; long enough for a busy machine.
 STOP_TIMEOUT = "20"
 
 
@@ -181,7 +181,7 @@ def arguments() -> list[DeclareLaunchArgument]:
 
 
 class Flight:
-    """What is started, and what follows when something of it ends."""
+    """Build the launch actions of a flight and react to the ends of its processes."""
 
     def __init__(self, context: LaunchContext) -> None:
         self.given = {
@@ -194,16 +194,16 @@ class Flight:
             name: LaunchConfiguration(name).perform(context) == "true"
             for name in ("use_sim_time", "record", "view", "live", "exit_when_complete")
         }
-        #: Of a group of the file that includes this one.
+        #: Namespace pushed by the file that includes this one.
         self.pushed_namespace = context.launch_configurations.get("ros_namespace", "")
         self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
         self.nodes: dict[str, Node] = {}
 
     def start(self) -> list[Any]:
-        """The actions that make the flight.
+        """Return the actions that start the flight.
 
         Raises:
-            CannotStart: something that was asked for is wrong; one line.
+            CannotStart: an argument is invalid; one line.
         """
         check_protection()
         values = self._values()
@@ -285,7 +285,7 @@ class Flight:
         ]
 
     def _values(self) -> dict[str, Any]:
-        """What was given on the command line, by the names of the nodes' parameters."""
+        """Return the command-line arguments by parameter name."""
         names = {"guidance": "law"}
         values: dict[str, Any] = {
             names.get(name, name): self.given[name]
@@ -304,7 +304,7 @@ class Flight:
         return values
 
     def _namespace(self) -> str:
-        """Namespace of all nodes, below one that is pushed, as launch_ros has it."""
+        """Return the namespace of all nodes, below a pushed one, as in launch_ros."""
         given = self.given["namespace"]
         if not given.startswith("/") and self.pushed_namespace:
             given = f"{self.pushed_namespace.rstrip('/')}/{given}"
@@ -323,7 +323,7 @@ class Flight:
             options = replace(options, domain_id=int(text) if text.isdigit() else -1)
         domain = domain_id(options)
         if domain is None:
-            # held until this process ends
+            # claimed until this process ends
             domain, _ = claim_domain(preferred=[DEFAULT_DOMAIN], namespace=self.namespace)
         return domain
 
@@ -353,10 +353,10 @@ class Flight:
             **special,
         )
 
-    # ---- what follows
+    # ---- reactions
 
     def _handlers(self) -> list[Any]:
-        """What listens to the processes; registered before the first one starts."""
+        """Return the event handlers of the processes; registered before the first one starts."""
         handlers = [OnShutdown(on_shutdown=self._on_shutdown)]
         for name, node in self.nodes.items():
             handlers += [
@@ -366,36 +366,36 @@ class Flight:
         return [RegisterEventHandler(handler) for handler in handlers]
 
     def _on_shutdown(self, _event: Any, _context: LaunchContext) -> None:
-        """Interrupt a flight under way where launch is shut down."""
+        """Interrupt the flight when launch shuts down."""
         self.verdict.interrupt()
 
     def _on_start(self, name: str, _event: Any, _context: LaunchContext) -> None:
         self.verdict.started(name)
 
     def _on_exit(self, name: str, event: Any, _context: LaunchContext) -> list[Any]:
-        """The actions that follow from the end of a node's process."""
+        """Return the actions after the end of a node's process."""
         follows = self.verdict.ended(name, event.returncode)
         actions: list[Any] = [LogInfo(msg=follows.line)] if follows.line else []
         if follows.tell_judge is not None:
             actions.append(self._signal(JUDGE, follows.tell_judge))
         if follows.shut_down:
-            # first, one that Python has not taken yet: of SIGINT it prints a traceback
+            # SIGTERM first: on SIGINT, a node that still starts would print a traceback
             actions += [self._signal(other, signal.SIGTERM) for other in self.verdict.up]
             actions += [self._end(other) for other in self.nodes]
         elif name in KEPT and not follows.restart:
-            # launch would start it again
+            # else launch would restart it
             actions.append(self._end(name))
         if not self.verdict.running:
             actions.append(LogInfo(msg=f"{self.name}: exit status {self.verdict.status}"))
         return actions
 
     def _signal(self, name: str, number: signal.Signals) -> EmitEvent:
-        """Send a signal to a process that has been started; launch ends of any other."""
+        """Send a signal to a running process; launch fails for any other."""
         matches = matches_action(self.nodes[name])
         return EmitEvent(event=SignalProcess(signal_number=number, process_matcher=matches))
 
     def _end(self, name: str) -> EmitEvent:
-        """End a process, as soon as it runs if it does not yet, and start it no more."""
+        """End a process, once it runs, and do not restart it."""
         matches = matches_action(self.nodes[name])
         return EmitEvent(event=ShutdownProcess(process_matcher=matches))
 
@@ -405,7 +405,7 @@ def _of(values: dict[str, Any], *names: str) -> dict[str, Any]:
 
 
 def fly(context: LaunchContext) -> list[Any]:
-    """The flight, or the line that says why there is none."""
+    """Return the actions of the flight, or none after an error."""
     flight = Flight(context)
     if is_launched_itself(Path(__file__), sys.argv):
         end_launch_with(flight.verdict, context.asyncio_loop)
@@ -417,5 +417,5 @@ def fly(context: LaunchContext) -> list[Any]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The flight in a scope of its own: nothing that it sets is seen outside."""
+    """Return the flight in a launch scope of its own, so that its settings stay inside."""
     return LaunchDescription([GroupAction([*arguments(), OpaqueFunction(function=fly)])])

@@ -17,13 +17,13 @@ HERE = Path(__file__).parent
 
 @pytest.fixture
 def facts() -> MissionFacts:
-    """A mission with one arc and one jettison."""
+    """Make a mission with one arc and one jettison."""
     return made_up_mission()
 
 
 @pytest.fixture
 def fake_nodes(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
-    """Modules of the stand-ins, importable in children."""
+    """Return the modules of the stand-ins, importable in children."""
     paths = [str(HERE), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(path for path in paths if path))
     return {name: f"fake_{name}" for name in ("vehicle_sim", "guidance", "recorder")}

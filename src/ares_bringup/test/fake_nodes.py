@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stand-ins for the nodes of a flight that fly nothing: for the layout, not the physics.
+"""Stand-ins for the nodes of a flight, without physics, to test the process layout.
 
     python -m fake_nodes NAME --ros-args ...    with NAME vehicle_sim, guidance or recorder
 
-$FAKE_<NAME> says how the node behaves:
+$FAKE_<NAME> sets the node's behaviour:
     refuse   cannot be configured
     crash    raises in flight
     hang     ignores SIGTERM
     kill     kills itself with SIGKILL in flight
     exit1    ends with status 1 in flight
-    slow     (simulator) never comes to the end of the flight
+    slow     (simulator) never ends the flight
     miss     (simulator) ends far from the target
 
-The simulator ends the flight only when the others have come to their faults, however slow the
-machine: each leaves a file of its name, with its process id, in $FAKE_MARKS; one that kills
-itself must be dead as well.
+The simulator ends the flight only after the others have reached their faults, however slow the
+machine: each writes its process id to a file of its name in $FAKE_MARKS; one that kills itself
+must be dead as well.
 """
 
 import math
@@ -65,7 +65,7 @@ TABLES = {
 
 
 class FakeNode(FlightNode):
-    """Counts time and does what it was told."""
+    """Count time and fail as set."""
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         table = [Parameter(key, value, "") for key, value in TABLES[name].items()]
@@ -168,12 +168,12 @@ class FakeNode(FlightNode):
 
 
 def marks() -> Path:
-    """Where the nodes leave their files."""
+    """Return the folder of the nodes' files."""
     return Path(os.environ["FAKE_MARKS"])
 
 
 def others_came_to_their_faults() -> bool:
-    """Whether guidance and recorder are past the step at which they fail."""
+    """Tell whether guidance and recorder have reached their faults."""
     return all(
         is_dead(name) if os.environ.get(f"FAKE_{name.upper()}") == "kill" else mark(name)
         for name in ("guidance", "recorder")
@@ -181,13 +181,13 @@ def others_came_to_their_faults() -> bool:
 
 
 def mark(name: str) -> str:
-    """Process id that a node left at its fault; empty before."""
+    """Return the process id that a node wrote at its fault; "" before."""
     path = marks() / name
     return path.read_text() if path.exists() else ""
 
 
 def is_dead(name: str) -> bool:
-    """Whether a node that kills itself has done so; its parent may not have looked yet."""
+    """Tell whether a node has killed itself, even if its parent has not yet reaped it."""
     if not (pid := mark(name)):
         return False
     try:
@@ -195,7 +195,7 @@ def is_dead(name: str) -> bool:
         threads = list(Path(f"/proc/{pid}/task").iterdir())
     except OSError:
         return True
-    # the parent hears of it when the last thread is gone
+    # the parent is notified when the last thread has ended
     return status.rpartition(")")[2].split()[0] == "Z" and len(threads) == 1
 
 

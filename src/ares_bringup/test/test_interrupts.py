@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A signal ends a command at any time, and nothing of Python's is printed."""
+"""Signals that end a command at any time, without output of Python's own."""
 
 import signal
 import subprocess
@@ -175,7 +175,7 @@ interrupts.GRACE = 60.0
 
 
 def interrupted(tmp_path, text, number, *arguments):
-    """Exit status, output and errors of a script that gets a signal once it is ready."""
+    """Run a script, send it a signal once it is ready; return exit status, output and errors."""
     script = tmp_path / "script.py"
     script.write_text(text)
     process = subprocess.Popen(
@@ -200,7 +200,7 @@ def test_in_a_kernel(tmp_path, number):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_while_threads_are_in_kernels(tmp_path, number):
-    """The command has had its say; the interpreter would wait for its threads for ever."""
+    """End although the interpreter would wait for its threads forever."""
     status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "thread")
     assert (status, out, err) == (128 + number, "in order\n", "")
 
@@ -213,7 +213,7 @@ def test_in_python(tmp_path, number):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_in_a_text_that_is_executed(tmp_path, number):
-    """Python, run as a module, would end itself by SIGINT in the end, whatever the status."""
+    """Return the status although Python, run as a module, would end itself by SIGINT."""
     status, out, err = interrupted(tmp_path, IN_GOOD_ORDER + IN_AN_EXECUTED_TEXT, number)
     assert (status, out, err) == (128 + number, "in order\n", "")
 
@@ -282,13 +282,13 @@ def test_a_flight_that_had_not_begun_prints_no_summary(monkeypatch, capsys):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_when_the_interpreter_ends(tmp_path, number):
-    """The command is over, with its status."""
+    """Send the signal after the command has ended: its status stands."""
     assert interrupted(tmp_path, AT_THE_VERY_END, number) == (1, "", "")
 
 
 @pytest.mark.parametrize("number", BOTH)
 def test_what_compiled_code_makes_of_it(tmp_path, number):
-    """A binding that fails because of the KeyboardInterrupt says so in an error of its own."""
+    """Let a binding replace the KeyboardInterrupt by an error of its own."""
     text = IN_GOOD_ORDER + IN_COMPILED_CODE
     assert interrupted(tmp_path, text, number) == (128 + number, "", "")
 
@@ -301,7 +301,7 @@ def test_before_the_command_line_is_there(tmp_path, number):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_a_verb_that_becomes_a_node_holds_signals_back_until_it_is_one(tmp_path, number):
-    """Sent before the node's own Python has begun to start."""
+    """Send the signal before the node's Python has started."""
     script = tmp_path / "script.py"
     script.write_text(
         "import os, signal, sys, threading\n"

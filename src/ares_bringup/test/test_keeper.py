@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which node is started again, how often, and what is said."""
+"""Restarts of nodes: which, how often, and the messages."""
 
 import pytest
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What follows for a launch when its processes end."""
+"""Consequences for a launch when its processes end."""
 
 import signal
 from pathlib import Path
@@ -12,7 +12,7 @@ NODES = ("vehicle_sim", "guidance", "judge", "recorder", "optimizer")
 
 
 def launched(**options):
-    """The verdict on a flight whose processes run."""
+    """Make the verdict on a flight whose processes run."""
     verdict = LaunchVerdict(**options)
     verdict.start(NODES)
     for name in NODES:
@@ -21,7 +21,7 @@ def launched(**options):
 
 
 def status(*ends, interrupt_after=None):
-    """Exit status after processes ended so, in this order."""
+    """Return the exit status after processes have ended in this order."""
     verdict = launched()
     for number, (name, code) in enumerate(ends):
         if number == interrupt_after:

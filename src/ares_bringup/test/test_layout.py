@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights with stand-ins for the nodes: what happens to the flight when one of them fails."""
+"""Flights with stand-ins for the nodes: consequences for the flight when one of them fails."""
 
 import os
 import signal
@@ -97,7 +97,7 @@ def test_guidance_killed_in_flight(flight):
 
 
 def test_guidance_that_dies_again_and_again_is_given_up(flight):
-    """The stand-in kills itself whenever it has come so far."""
+    """Let the stand-in kill itself after each start."""
     summary, said = flight(restarts=2, guidance="kill", vehicle_sim="slow", until=given_up)
     assert summary.problems == said
     assert [line.rpartition("; ")[2] for line in said] == [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bar of what takes long."""
+"""The progress bar."""
 
 import pytest
 

@@ -134,12 +134,12 @@ rclpy.shutdown()
 
 
 def test_what_the_middleware_complains_of_is_no_result(ros_domain):
-    """Another process holds the ports in shared memory: a line on standard error."""
+    """Hold the ports in shared memory: the middleware prints a line on standard error."""
     first = 7400 + 250 * ros_domain
     with ExitStack() as held:
         for port in range(first, first + 40):
             path = Path(f"/dev/shm/fastrtps_port{port}_el")
-            # one that somebody holds already is as good as held here
+            # a port that another process holds serves as well
             with suppress(BlockingIOError):
                 file = held.enter_context(path.open("w"))
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

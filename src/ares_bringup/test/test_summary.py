@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict on a flight, from events made up here."""
+"""The verdict on a flight, from synthetic events."""
 
 import json
 import math
@@ -329,7 +329,7 @@ def test_a_keplerian_target_is_met_at_the_nearest_place(facts):
 
 
 def test_marks_of_coasts_and_of_what_is_near():
-    """As flown: a free burn, a coast to the equator, and a burn of 4.4 s before the cut-off."""
+    """Mark a flown free burn, a coast to the equator, and a burn of 4.4 s before cut-off."""
     summary = FlightSummary(facts_of(load_mission("delta_iii_coast")), "peg", None)
     for kind, index, time in (
         (FLIGHT_STARTED, 0, 261.0),
@@ -368,7 +368,7 @@ def test_a_staging_is_marked_as_one_though_an_arc_ends_and_an_engine_ignites_the
 
 
 def fallen(facts, speed, areas=None):
-    """A flight that ends too slow for an orbit, over a place that is known."""
+    """Make a flight too slow for an orbit, over a known place."""
     mission = load_mission("ares_v")
     names = mission.area_names if areas is None else areas
     named = replace(facts, environment=mission.environment_array()[0], areas=names)

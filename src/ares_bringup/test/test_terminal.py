@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a flight shows on the terminal while it goes on."""
+"""The view of a flight on the terminal while it flies."""
 
 import io
 

@@ -38,7 +38,7 @@ ERROR_TIME_TO_GO_JUMP = 4
 ERROR_PROPELLANT_SHORT = 5
 ERROR_TARGET_UNREACHABLE = 6
 
-#: Why a navigation state was refused, bits.
+#: Reasons for refusing a navigation state, bits.
 REFUSED_IMPLAUSIBLE = 1
 REFUSED_TIME = 2
 REFUSED_FROZEN = 4
@@ -48,7 +48,7 @@ REFUSED_VELOCITY = 32
 REFUSED_MASS = 64
 REFUSED_DRIFT = 128
 
-#: Which monitor an answer has set off, bits.
+#: Monitors that an answer has violated, bits.
 MONITOR_DIRECTION = 1
 MONITOR_TIME_TO_GO = 2
 MONITOR_JETTISON = 4
@@ -59,7 +59,8 @@ MONITOR_STEERING_RATE = 32
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
 
-#: rad from the mean; a turn held to it misses the position, and is no solution.
+#: Largest turn from the mean direction, rad. A turn clipped to it misses the position and is no
+#: solution.
 STEEPEST = 1.0
 
 GUIDANCE_SETTINGS = np.dtype(
@@ -72,20 +73,20 @@ GUIDANCE_SETTINGS = np.dtype(
         ("max_solve_iterations", np.int64),  # of law optimal, in one search
         ("steering_jump_limit", np.float64),  # rad between accepted solutions
         ("time_to_go_jump_limit", np.float64),  # s between accepted solutions
-        ("max_stale_cycles", np.int64),  # then start again from nothing
-        ("restart_time", np.float64),  # s to go below which the steering is held instead
+        ("max_stale_cycles", np.int64),  # then restart without a guess
+        ("restart_time", np.float64),  # s to go; below it the steering is held, not restarted
         ("heating_source", np.int64),  # HEATING_MEASURED or HEATING_MODELLED
         ("heating_margin", np.float64),  # drop at limit x (1 - margin)
-        ("small_turn_limit", np.float64),  # rad; beyond it no angle is taken as small
-        # what a navigation state may differ by from the one before it, carried on to now
+        ("small_turn_limit", np.float64),  # rad; beyond it no small-angle expansion is used
+        # bounds on a navigation state against the previous one, propagated to now
         ("navigation_gate", np.float64),  # sigmas
         ("position_sigma", np.float64),  # m, per axis
         ("velocity_sigma", np.float64),  # m/s, per axis
-        ("acceleration_sigma", np.float64),  # m/s2 of gravity that the mission does not have
+        ("acceleration_sigma", np.float64),  # m/s2, error of the mission's gravity model
         ("sensed_sigma", np.float64),  # fraction of the sensed gain
-        ("mass_sigma", np.float64),  # fraction, of one state against another
-        ("load_sigma", np.float64),  # fraction, of the mission's masses
-        ("navigation_window", np.float64),  # s over which a drift is looked for
+        ("mass_sigma", np.float64),  # fraction, between two states
+        ("load_sigma", np.float64),  # fraction, of the mission's stage and jettison masses
+        ("navigation_window", np.float64),  # s over which a drift accumulates
         ("steering_rate_limit", np.float64),  # rad/s
     ],
     align=True,
@@ -95,11 +96,12 @@ SEGMENT = np.dtype(
     [
         ("start", np.float64),  # s from now
         ("duration", np.float64),  # s; inf for the free burn
-        ("gain", np.float64),  # m/s over the whole of it; inf for the free burn
+        ("gain", np.float64),  # m/s over the whole segment; inf for the free burn
         ("exhaust_velocity", np.float64),  # m/s
         ("tau", np.float64),  # s, mass over mass flow at the start of the segment
-        ("acceleration", np.float64),  # m/s2, to which it is throttled; 0: constant thrust
-        ("held_at", np.float64),  # s from now, where its direction is taken; nan: as it turns
+        ("acceleration", np.float64),  # m/s2 that the throttle holds; 0: constant thrust
+        # s from now, time of the steering that gives its held direction; nan: not held
+        ("held_at", np.float64),
         ("arc", np.int64),
         ("capacity", np.float64),  # s until the propellant is gone
     ],
@@ -109,21 +111,21 @@ SEGMENT = np.dtype(
 OPTIMAL_MEMORY = np.dtype(
     [
         ("solved", np.int64),  # 1: unknowns hold the solution of the last cycle
-        ("age", np.int64),  # cycles since the Jacobian
-        ("time", np.float64),  # s, where lambda_v and lambda_r hold
+        ("age", np.int64),  # cycles since the Jacobian was computed
+        ("time", np.float64),  # s, epoch of lambda_v and lambda_r
         ("jettisoned", np.int64),
         ("unknowns", np.float64, (MAX_COLUMNS,)),
-        ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
-        ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
-        ("arcs_from", np.int64),  # the arc at which they were copied, + 1
-        # where the ends of arcs are planned: the mission's own lengths, inf: free
+        ("jettisons", JETTISON, (MAX_JETTISONS,)),  # heating limits scaled to the modelled density
+        ("arcs", ARC, (MAX_SEGMENTS,)),  # with the measured engines
+        ("arcs_from", np.int64),  # 1 + index of the arc during which they were copied
+        # the mission's own arc lengths, s, where a plan sets the ends; inf: free
         ("duration", np.float64, (MAX_ARCS,)),
         ("solved_in", np.int64),  # arc of the last solution
-        ("wasted", np.int64),  # steps of the integrator in searches that found nothing
-        ("first_start", np.int64),  # own guess that the next search begins with
-        ("searched_in", np.int64),  # the cycle
-        ("steps_left", np.int64),  # in it
-        ("wasted_in", np.int64),  # the arc in which that was, + 1
+        ("wasted", np.int64),  # integrator steps in searches that failed
+        ("first_start", np.int64),  # number of the built-in guess that the next search starts with
+        ("searched_in", np.int64),  # cycle of the last search
+        ("steps_left", np.int64),  # integrator steps left in that cycle
+        ("wasted_in", np.int64),  # 1 + index of the arc that `wasted` counts in
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("options", OPTIONS),
@@ -140,19 +142,20 @@ ENGINE_WATCH = np.dtype(
         ("arc", np.int64),
         ("stage", np.int64),
         ("jettisoned", np.int64),
-        ("jumped", np.int64),  # 1: the engine is another than in the last cycle
+        ("jumped", np.int64),  # 1: the thrust has stepped since the last cycle
     ],
     align=True,
 )
 
-#: What is aimed at: the mission's target, an orbit that is safe; where that is out of reach too,
-#: the target again, lowered. Near: all of it but the radius.
+#: Aim of guidance: the mission's target; the safe orbit; the lowered target where the safe orbit
+#: is out of reach too; the target with its radius released.
 AIM_TARGET = 0
 AIM_SAFE = 1
 AIM_BELOW = 2
 AIM_NEAR = 3
 
-#: Whether a solution knows of what was found: it does, no cycle has sought one, none was found.
+#: Status of the solution after a failure: it accounts for the failure, no cycle has run yet, or no
+#: solution has been found since.
 SOLVED = 0
 JUST_FOUND = 1
 UNSOLVED = 2
@@ -165,21 +168,21 @@ FOUND_NO_IGNITION = 4
 FOUND_STUCK_THROTTLE = 5
 FOUND_STUCK_JETTISON = 6
 
-#: What has failed, as far as navigation shows it.
+#: Detected failure and the memory of its detection.
 FOUND = np.dtype(
     [
-        ("kind", np.int64),  # FOUND_*, the last that was found
-        ("count", np.int64),  # how often something was found
+        ("kind", np.int64),  # FOUND_* of the last finding
+        ("count", np.int64),  # number of findings
         ("first_kind", np.int64),
         ("first_time", np.float64),  # s
         ("time", np.float64),  # of the last, s
         ("ratio", np.float64),  # measured over expected: thrust, or acceleration
         ("index", np.int64),  # arc or jettison, by kind
-        ("fresh", np.int64),  # SOLVED, or there is no solution yet that knows of it
+        ("fresh", np.int64),  # SOLVED, JUST_FOUND or UNSOLVED
         ("sensed_delta_v", np.float64, (3,)),  # at the last state, m/s
-        ("gain", np.float64),  # sensed since the last look, from state to state, m/s
-        ("refused", np.int64),  # states, by the last look
-        # the navigation state at the last look
+        ("gain", np.float64),  # sensed since the last check, summed state by state, m/s
+        ("refused", np.int64),  # states refused up to the last check
+        # the navigation state at the last check
         ("seen", np.float64),  # s
         ("mass", np.float64),  # 0: none yet
         ("arc", np.int64),
@@ -187,66 +190,67 @@ FOUND = np.dtype(
         ("jettisoned", np.int64),
         # of the present stage
         ("thrust", np.float64),  # measured over planned thrust; 0: not measured yet
-        ("flow", np.float64),  # the same of the mass flow
-        ("looks", np.int64),  # from which these are
-        ("total", np.float64),  # product of the thrust ratios found since it began
-        ("total_flow", np.float64),  # the same of the mass flow
-        ("spread", np.float64),  # by which these may be off
-        ("before", np.float64),  # thrust ratio of the look before; 0: no thrust in it
-        ("overdue", np.float64, (MAX_JETTISONS,)),  # since when, s; inf: it is not
+        ("flow", np.float64),  # measured over planned mass flow
+        ("looks", np.int64),  # measurements of the stage without a finding
+        ("total", np.float64),  # product of the thrust ratios of all findings in the stage
+        ("total_flow", np.float64),  # the same for the mass flow
+        ("spread", np.float64),  # error bound of `total`
+        ("before", np.float64),  # thrust ratio at the previous check; 0: no thrust then
+        ("overdue", np.float64, (MAX_JETTISONS,)),  # time since which it is overdue, s; inf: not
     ],
     align=True,
 )
 
-#: The vehicle after failures.
+#: Arcs and jettisons of the vehicle after failures.
 LEFT = np.dtype(
     [
-        ("count", np.int64),  # of arcs; 0: nothing has changed
+        ("count", np.int64),  # number of arcs; 0: no failure
         ("arcs", ARC, (MAX_ARCS,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),
-        # lengths of the arcs, s, where the clock ends them, and where the propellant does
+        # lengths of the arcs, s, if ended by the clock and if ended by depletion
         ("by_clock", np.float64, (MAX_ARCS,)),
         ("by_propellant", np.float64, (MAX_ARCS,)),
     ],
     align=True,
 )
 
-#: What is done with the impact point, where no orbit is in reach: nothing, since one is; nothing,
-#: since it stays outside the areas by itself; turned away; cut off before it enters one; or all in
-#: vain, and as little inside as can be.
+#: Impact-point avoidance, where no orbit is in reach: none (an orbit is in reach); clear (the
+#: impact point stays outside the areas by itself); steered away; cut off before it enters an area;
+#: lost (it cannot be kept clear, and ends as little inside as possible).
 AVOID_NOTHING = 0
 AVOID_CLEAR = 1
 AVOID_STEER = 2
 AVOID_CUT = 3
 AVOID_LOST = 4
 
-#: Where a flight ahead has come to.
-WAY = np.dtype(
+#: State of the flight that is propagated ahead.
+LOOKAHEAD = np.dtype(
     [
         ("time", np.float64),
         ("position", np.float64, (3,)),
         ("velocity", np.float64, (3,)),
         ("mass", np.float64),
         ("arc", np.int64),
-        ("begin", np.float64),  # s, of the arc
-        ("end", np.float64),  # s, by the clock; inf: none
-        ("lit", np.float64),  # s, from when it gives thrust; inf: never
-        ("empty", np.float64),  # kg, where its propellant is gone
-        ("over", np.int64),  # 1: no thrust any more
+        ("begin", np.float64),  # s, start of the arc
+        ("end", np.float64),  # s, its end by the clock; inf: none
+        ("lit", np.float64),  # s, start of its thrust; inf: never
+        ("empty", np.float64),  # kg, mass at depletion
+        ("over", np.int64),  # 1: all thrust is over
     ],
     align=True,
 )
 
-#: What becomes of the impact point on a flight ahead.
+#: Impact point over the flight that is propagated ahead.
 OUTLOOK = np.dtype(
     [
-        ("outside", np.float64),  # m from the areas in the end; inf: it falls nowhere
-        ("inside", np.float64),  # s that it is within one
-        ("area", np.int64),  # which it enters first, or else ends nearest to; -1: none
-        ("cut_time", np.float64),  # s, before it enters one; inf: it does not, or cannot be
-        ("cut_inside", np.float64),  # s within one until then
-        ("end_time", np.float64),  # s, of the thrust
-        ("grounded", np.int64),  # 1: it meets the ground with thrust
+        ("outside", np.float64),  # m from the areas at the end; inf: no impact
+        ("inside", np.float64),  # s spent inside an area
+        ("area", np.int64),  # first area entered, else the nearest at the end; -1: none
+        # s, cut-off before it enters an area; inf: it enters none, or no cut-off is possible
+        ("cut_time", np.float64),
+        ("cut_inside", np.float64),  # s inside an area before that cut-off
+        ("end_time", np.float64),  # s, end of the thrust
+        ("grounded", np.int64),  # 1: it reaches the ground under thrust
     ],
     align=True,
 )
@@ -254,24 +258,24 @@ OUTLOOK = np.dtype(
 AVOID = np.dtype(
     [
         ("mode", np.int64),  # AVOID_*
-        ("next_time", np.float64),  # s, of the next look
-        ("area", np.int64),  # that the flight would end in, or enter; -1: none
-        ("direction", np.float64, (3,)),  # to which the thrust is turned
+        ("next_time", np.float64),  # s, time of the next decision
+        ("area", np.int64),  # area that the flight would enter or end in; -1: none
+        ("direction", np.float64, (3,)),  # commanded thrust direction
         ("cutoff_time", np.float64),  # s; nan: the law's own
-        ("end_time", np.float64),  # s, of the thrust as the law steers
-        ("score", np.float64),  # of what is done
-        ("outside", np.float64),  # m, in the end
-        ("own", STEERING),  # the law's last answer
-        ("flown", STEERING),  # the last answer
+        ("end_time", np.float64),  # s, end of the thrust under the law's steering
+        ("score", np.float64),  # cost of the choice in force
+        ("outside", np.float64),  # m from the areas at the end
+        ("own", STEERING),  # last answer of the law
+        ("flown", STEERING),  # last answer sent to the vehicle
         ("outlook", OUTLOOK),
-        ("way", WAY),
-        ("mark", WAY),
-        ("kept", WAY),
+        ("lookahead", LOOKAHEAD),
+        ("mark", LOOKAHEAD),  # at the start of the last step
+        ("kept", LOOKAHEAD),  # saved while the cut-off is bisected
     ],
     align=True,
 )
 
-#: Primer at the reference, its rate, time to go.
+#: Number of unknowns: primer at the reference (3), its rate (3), time to go (1).
 TURN_UNKNOWNS = 7
 
 TURN_WORK = np.dtype(
@@ -281,12 +285,12 @@ TURN_WORK = np.dtype(
         ("speed_scale", np.float64),  # m/s
         ("length_scale", np.float64),  # m
         ("first_direction", np.float64, (3,)),
-        ("pull", np.float64),  # downrange, where the burn gives more than the target needs
-        ("held", np.float64),  # s, time to go that is not free; 0: it is
+        ("pull", np.float64),  # downrange multiplier that spends surplus delta-V
+        ("held", np.float64),  # s, prescribed time to go; 0: free
         ("unknowns", np.float64, (TURN_UNKNOWNS,)),
         ("before", np.float64, (TURN_UNKNOWNS,)),
         ("step", np.float64, (TURN_UNKNOWNS,)),
-        # residuals, and behind them those with one unknown moved each
+        # row 0: residuals; row 1 + k: residuals with unknown k perturbed
         ("rows", np.float64, (TURN_UNKNOWNS + 1, TURN_UNKNOWNS)),
         ("matrix", np.float64, (TURN_UNKNOWNS, TURN_UNKNOWNS)),
         ("pivots", np.int64, (TURN_UNKNOWNS,)),
@@ -294,45 +298,46 @@ TURN_WORK = np.dtype(
     align=True,
 )
 
-#: The gravity gradient that a primer follows: its axis goes round with the vehicle.
+#: Gravity gradient that drives the primer; its axis rotates with the vehicle.
 PRIMER = np.dtype(
     [
-        ("gradient", np.float64),  # its root, 1/s; 0: the turn is small, the primer a line
-        ("turning", np.float64),  # of the axis, 1/s
-        ("axis", np.float64, (3,)),  # up, now
-        ("normal", np.float64, (3,)),  # which it turns about
+        ("gradient", np.float64),  # square root of the gradient, 1/s; 0: linear primer, small turn
+        ("turning", np.float64),  # rotation rate of the axis, rad/s
+        ("axis", np.float64, (3,)),  # radial unit vector now
+        ("normal", np.float64, (3,)),  # rotation axis
     ],
     align=True,
 )
 
-#: What an iteration changes: a failed cycle puts it back as it was.
+#: Variables of the iteration; a failed cycle restores them.
 SOLUTION = np.dtype(
     [
         ("time_to_go", np.float64),
         ("velocity_to_go", np.float64, (3,)),
         ("gravity_displacement", np.float64, (3,)),
-        ("gravity_time", np.float64),  # s of flight that it holds for
+        ("gravity_time", np.float64),  # s of flight that gravity_displacement covers
         ("displacement_bias", np.float64, (3,)),
         ("desired_position", np.float64, (3,)),
         ("plane_normal", np.float64, (3,)),
         ("direction", np.float64, (3,)),
         ("direction_rate", np.float64, (3,)),
         ("reference_time", np.float64),
-        ("turn", np.float64),  # rad, the largest from the mean that a pass asked for
+        ("turn", np.float64),  # rad, largest turn from the mean direction in the last pass
         ("primer", PRIMER),
         ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
-        ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
-        ("tail_drift", np.float64),  # s by which the tail outlasts them
-        # of heating jettisons, MET; inf: beyond cut-off, planned without
+        ("tail_gain", np.float64),  # s of full thrust with the impulse of the tail-off
+        ("tail_drift", np.float64),  # s by which the tail-off outlasts tail_gain
+        # of heating jettisons, MET, s; inf: after cut-off, not planned
         ("jettison_time", np.float64, (MAX_JETTISONS,)),
-        # of free arcs, MET; nan: not free, past, or not planned
+        # of free arcs, MET, s; nan: not free, past, or not planned
         ("arc_end_times", np.float64, (MAX_ARCS,)),
     ],
     align=True,
 )
 
-#: A navigation state, and three sums that good navigation leaves as they are: position less the
-#: integral of velocity, velocity less those of gravity and of thrust, and the mass's likewise.
+#: A navigation state and three sums that stay constant under good navigation: position minus the
+#: integral of velocity, velocity minus the integrals of gravity and of thrust, and the logarithm
+#: of mass minus that of its depletion.
 NAVIGATION_FIX = np.dtype(
     [
         ("time", np.float64),
@@ -346,8 +351,8 @@ NAVIGATION_FIX = np.dtype(
         ("jettisoned", np.int64),
         ("position_sum", np.float64, (3,)),  # m
         ("velocity_sum", np.float64, (3,)),  # m/s
-        ("mass_sum", np.float64),  # of logarithms
-        # by how much the sums may have moved for all that is known of the thrust, so far
+        ("mass_sum", np.float64),  # of logarithms of mass ratios
+        # accumulated bounds on the change of the sums due to the unknown thrust
         ("position_slack", np.float64),  # m
         ("mass_slack", np.float64),
     ],
@@ -358,20 +363,20 @@ NAVIGATION_WATCH = np.dtype(
     [
         ("accepted", np.int64),  # states
         ("refused", np.int64),  # states
-        ("row", np.int64),  # refused since the last accepted one
-        ("repeats", np.int64),  # of the last accepted one
-        ("reasons", np.int64),  # REFUSED_* bits of the present row
-        ("acquired", np.int64),  # how often a row ended with a new beginning
-        ("told", np.int64),  # how often a refusal was worth a status
-        ("told_time", np.float64),  # of the last such state
-        ("interval", np.float64),  # s between the last two accepted
-        ("last", NAVIGATION_FIX),  # accepted
+        ("row", np.int64),  # consecutive refusals since the last accepted state
+        ("repeats", np.int64),  # repetitions of the last accepted state
+        ("reasons", np.int64),  # REFUSED_* bits of the present row of refusals
+        ("acquired", np.int64),  # number of reacquisitions
+        ("reported", np.int64),  # number of refusals that were reported in a status
+        ("reported_time", np.float64),  # s, time of the last such state
+        ("interval", np.float64),  # s between the last two accepted states
+        ("last", NAVIGATION_FIX),  # last accepted state
         ("now", NAVIGATION_FIX),
-        # of those accepted: where drifts are counted from now, and next
+        # accepted states that drift is measured from: the present and the next reference
         ("anchor", NAVIGATION_FIX),
         ("next_anchor", NAVIGATION_FIX),
-        # of those refused: the first and the last that agree with one another
-        ("agreeing", np.int64),  # how many do
+        # refused states that are consistent with one another: the first and the last
+        ("agreeing", np.int64),  # their number
         ("first_agreeing", NAVIGATION_FIX),
         ("last_agreeing", NAVIGATION_FIX),
     ],
@@ -381,35 +386,35 @@ NAVIGATION_WATCH = np.dtype(
 MONITORS = np.dtype(
     [
         ("flags", np.int64),  # MONITOR_* bits of the last answer
-        ("violated", np.int64),  # of all so far
-        ("violations", np.int64),  # answers that were not let out
-        ("kept", np.int64),  # 1: there is a last good answer
-        ("good", STEERING),  # it
+        ("violated", np.int64),  # MONITOR_* bits of all answers so far
+        ("violations", np.int64),  # number of answers held back
+        ("kept", np.int64),  # 1: `good` is valid
+        ("good", STEERING),  # last good answer
     ],
     align=True,
 )
 
-#: How a mission is flown that leaves more free than the end of its last arc.
+#: Plan of a mission that leaves more free than the end of its last arc.
 PLAN = np.dtype(
     [
-        ("made", np.int64),  # 1: it has the lengths of free arcs before the last
+        ("made", np.int64),  # 1: it holds the lengths of the free arcs before the last
         ("by_legs", np.int64),  # 1: law optimal flies it leg by leg too
-        ("aims", np.int64),  # 1: target of the last arc is where the mission's is met
+        ("aims", np.int64),  # 1: it fixes the place on the mission's target orbit
         ("ends_leg", np.int64, (MAX_ARCS,)),  # 1: a burn that ends a leg, before the last arc
         ("length", np.float64, (MAX_ARCS,)),  # s, of free arcs and of burns that end a leg
         ("target", TARGET, (MAX_ARCS,)),  # at the end of a burn that ends a leg
-        # of the first and the last thrust in the leg that ends with the arc; 0: not known
+        # first and last thrust direction of the leg that ends with the arc; 0: not known
         ("direction", np.float64, (MAX_ARCS, 2, 3)),
-        # primer at the begin of a burn's thrust, a unit vector, its rate, 1/s; nan: not known
+        # primer at the start of a burn's thrust, a unit vector, and its rate, 1/s; nan: not known
         ("primer", np.float64, (MAX_ARCS, 2, 3)),
-        ("ignition", np.float64, (MAX_ARCS,)),  # when that is, s
+        ("ignition", np.float64, (MAX_ARCS,)),  # start of the thrust, MET, s
         ("position", np.float64, (MAX_ARCS, 3)),  # at the end of that leg, m; 0: not known
         ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
     ],
     align=True,
 )
 
-#: The leg that is flown: the arcs up to the next burn that ends one, as a mission of its own.
+#: The present leg, the arcs up to the next burn that ends a leg, as a mission of its own.
 LEG = np.dtype(
     [
         ("count", np.int64),  # its arcs, counted from the mission's first; 0: none yet
@@ -417,11 +422,11 @@ LEG = np.dtype(
         ("target", TARGET),
         ("navigation", NAVIGATION),  # in a coast: at the next ignition
         ("coasting", np.int64),
-        ("cycle_time", np.float64),  # s, of the next cycle in a coast
-        ("steering", STEERING),  # its cut-off is the leg's
-        ("begin", np.float64),  # s, of its first burn, or where it was entered
-        # a guess for a search that begins, from the plan
-        ("time_to_go", np.float64),  # s, to the end of the leg; 0: none
+        ("cycle_time", np.float64),  # s, time of the next cycle in a coast
+        ("steering", STEERING),  # its cut-off is the end of the leg
+        ("begin", np.float64),  # s, start of its first burn, or entry into the leg
+        # initial guess of a search, from the plan
+        ("time_to_go", np.float64),  # s, to the end of the leg; 0: no guess
         ("first_direction", np.float64, (3,)),
         ("last_direction", np.float64, (3,)),
         ("end_position", np.float64, (3,)),  # m
@@ -432,7 +437,7 @@ LEG = np.dtype(
 
 GUIDANCE_STATE = np.dtype(
     [
-        ("law", np.int64),  # LAW_* that gave the last solution
+        ("law", np.int64),  # LAW_* of the last solution
         ("phase", np.int64),  # PHASE_*
         ("error", np.int64),  # ERROR_* of the last cycle
         ("cycle", np.int64),
@@ -443,18 +448,18 @@ GUIDANCE_STATE = np.dtype(
         ("time", np.float64),  # of the last navigation state
         ("sensed_delta_v", np.float64, (3,)),
         ("solution", SOLUTION),  # under iteration
-        ("saved", SOLUTION),  # that before this cycle
-        ("exact", SOLUTION),  # that to the target, while another is sought
-        ("shortest", SOLUTION),  # that of least time, while one that lasts longer is sought
+        ("saved", SOLUTION),  # before this cycle
+        ("exact", SOLUTION),  # to the exact target, while one with a released radius is sought
+        ("shortest", SOLUTION),  # of least time, while a longer one is sought
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
         ("aim", np.int64),  # AIM_*
-        ("lowered", np.float64),  # m/s that the propellant is short of what is aimed at
-        ("target", TARGET),  # what is aimed at: the mission's, or the best within reach
-        # where to start instead of the scalar impulse
+        ("lowered", np.float64),  # m/s taken off the target for lack of propellant
+        ("target", TARGET),  # aim: the mission's target, or the best within reach
+        # 1: velocity-to-go holds an initial guess
         ("seeded", np.int64),
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown
-        # engines of the present stage, measured over the mission's; 0: not yet
+        # engines of the present stage, measured over the mission's; 0: not measured yet
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("engines", ENGINE_WATCH),
@@ -479,7 +484,7 @@ NO_MEMORY = np.dtype([("none", np.int64)])
 
 
 class OnboardArrays(NamedTuple):
-    """What is on board of one flight, beside the mission.
+    """Hold the arrays of guidance for one flight, beside the mission.
 
     Attributes:
         navigation: shape (1,), dtype NAVIGATION, the present state.
@@ -498,7 +503,7 @@ class OnboardArrays(NamedTuple):
 
 
 class Onboard(NamedTuple):
-    """The same as kernels hand it to one another, as records; the law's own memory goes apart."""
+    """Hold the records of `OnboardArrays`, as kernels pass them on; the law's own memory apart."""
 
     navigation: Record
     settings: Record
@@ -507,11 +512,11 @@ class Onboard(NamedTuple):
 
 
 def blank_onboard(settings: NDArray[Any], memory: np.dtype[Any] = NO_MEMORY) -> OnboardArrays:
-    """Lay out what is on board before a flight: nothing known, nothing answered.
+    """Return the arrays of guidance before a flight: no memory, no answer.
 
     Args:
         settings: shape (1,), dtype GUIDANCE_SETTINGS.
-        memory: the law's own.
+        memory: dtype of the law's own memory.
     """
     steering = np.zeros(1, STEERING)
     steering["cutoff_time"] = np.nan

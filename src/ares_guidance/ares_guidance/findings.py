@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What guidance found failed, in words."""
+"""Text of detected failures and of impact-point avoidance."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from ares_guidance.arrays import (
     FOUND_THRUST_LOW,
 )
 
-#: By kind; ratio is measured over expected thrust or acceleration, name that of arc or jettison.
+#: By kind; ratio: measured over expected thrust or acceleration; name: of the arc or jettison.
 _WORDS = {
     FOUND_ENGINE_LOST: "engine lost in {name}: {ratio:.3f} of the thrust, the propellant lasts",
     FOUND_THRUST_LOW: "thrust of {name} is {ratio:.3f} of what it was",
@@ -26,9 +26,9 @@ _WORDS = {
     FOUND_STUCK_THROTTLE: "throttle of {name} is stuck: {ratio:.3f} of the limit",
     FOUND_STUCK_JETTISON: "{name}: does not go, planning with its mass",
 }
-#: Where the target is given up for the safe orbit.
+#: Reported when guidance abandons the target for the safe orbit.
 SAFE_ORBIT = "the target is out of reach: flying to the safe orbit"
-#: What is done with the impact point, where no orbit is in reach.
+#: By mode of impact-point avoidance.
 _AVOIDING = {
     AVOID_CLEAR: "the impact point stays outside all areas",
     AVOID_STEER: "the impact point is steered away from {name}",
@@ -38,10 +38,10 @@ _AVOIDING = {
 
 
 def describe(found: Any, arcs: tuple[str, ...], jettisons: tuple[str, ...]) -> str:
-    """The last finding, one line.
+    """Describe the last detected failure in one line.
 
     Args:
-        found: record FOUND, with a finding.
+        found: record FOUND with at least one finding.
         arcs: a name for each arc.
         jettisons: a name for each jettison.
     """
@@ -51,7 +51,7 @@ def describe(found: Any, arcs: tuple[str, ...], jettisons: tuple[str, ...]) -> s
 
 
 def describe_avoiding(avoid: Any, areas: tuple[str, ...]) -> str:
-    """What is done with the impact point, one line; empty: nothing has to be.
+    """Describe the impact-point avoidance in one line; empty if none is needed.
 
     Args:
         avoid: record AVOID.
@@ -65,5 +65,5 @@ def describe_avoiding(avoid: Any, areas: tuple[str, ...]) -> str:
 
 
 def aims_at_safe_orbit(state: Any) -> bool:
-    """Whether guidance has given up the target for the safe orbit; of a record GUIDANCE_STATE."""
+    """Return whether guidance aims at the safe orbit, of a record GUIDANCE_STATE."""
     return bool(state["aim"] == AIM_SAFE)

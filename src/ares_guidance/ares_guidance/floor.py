@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How low a plan goes, and whether it may: nothing is flown into the ground by a plan."""
+"""Floor check of a plan: lowest altitude per arc against the ground and the coasts' floors."""
 
 import math
 from typing import TYPE_CHECKING
@@ -15,16 +15,16 @@ from ares_models.tolerances import FLOOR_M
 if TYPE_CHECKING:
     from ares_guidance.guess import OfflineTrajectory
 
-#: How far a sample may be from the begin or the end of its arc, s.
+#: Largest time difference between a sample and the start or end of its arc, s.
 SAME_TIME = 0.01
 #: Lowest altitude of a flight, m.
 GROUND = 0.0
-#: What a law aims above a floor that its plan touches, m: it is met to a metre.
+#: Clearance above a floor that the plan touches, m; a law meets its target to about a metre.
 CLEARANCE = 0.5 * FLOOR_M
 
 
 def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tuple[int, float]]:
-    """Index and lowest altitude, m, of each arc that a trajectory flies."""
+    """Return index and lowest altitude, m, of each arc of a trajectory."""
     return [
         (
             int(k),
@@ -48,7 +48,7 @@ def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tupl
 
 
 def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> float:
-    """Lowest altitude of the coasts of a trajectory, m; inf: it has none.
+    """Return the lowest altitude of a trajectory's coasts, m; inf if it has none.
 
     Args:
         trajectory: of this mission.
@@ -59,14 +59,14 @@ def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> floa
 
 
 def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
-    """See that a trajectory stays above the ground.
+    """Check that a trajectory stays above the ground.
 
     Args:
         trajectory: of this mission.
         arrays: the mission.
 
     Raises:
-        ValueError: it does not; one line.
+        ValueError: an arc goes through the ground; one line.
     """
     k, lowest = min(_lowest(trajectory, arrays), key=lambda arc: arc[1])
     if lowest < GROUND - FLOOR_M:
@@ -77,9 +77,9 @@ def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
 
 
 def burns_before_floors(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
-    """Return the burns before coasts that touch their floor, and what to lift their ends by, m.
+    """Return the burns before coasts that touch their floor, with the lift of their ends, m.
 
-    A law that looks beyond such a coast, to what follows, would fly it lower.
+    Such a burn ends a leg: a law that aims beyond the coast would violate its floor.
 
     Args:
         trajectory: of this mission.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a trajectory found off line tells a guidance law before it starts."""
+"""Plans and initial guesses that a guidance law takes from an optimized trajectory."""
 
 import math
 from dataclasses import dataclass, field, fields
@@ -21,17 +21,17 @@ from ares_models.orbits import Elements, Insertion
 
 Array = NDArray[np.float64]
 
-#: How far a sample may be from the time that is asked for, s.
+#: Largest time difference between a sample and the requested time, s.
 SAME_TIME = 0.01
-#: How far the mass that a trajectory begins with may be from the measured one, as a part of it.
+#: Largest difference between initial and measured mass, as a fraction.
 SAME_MASS = 1e-3
-#: How far the length of a direction may be from 1, and how fast it may turn, 1/s.
+#: Largest deviation of a direction's length from 1, and largest direction rate, 1/s.
 ABOUT_UNIT = 1e-3
 FASTEST_TURN = 1.0
-#: Eccentricity from which a leg holds its perigee's direction: what comes after turns that of a
-#: rounder orbit at little cost.
+#: Eccentricity above which a leg constrains the argument of perigee. Later burns rotate the apsides
+#: of a rounder orbit at little cost.
 ELONGATED = 0.5
-#: What staging drops at least, as a part of the mass. Rounding is less, a stage is more.
+#: Smallest mass drop that counts as staging, as a fraction of the mass; rounding is smaller.
 LEAST_DROP = 1e-6
 
 
@@ -41,7 +41,7 @@ def leaves_arcs_free(arrays: MissionArrays) -> bool:
 
 
 def true_anomaly_of(state: Insertion, mu: float) -> float:
-    """Return the angle from perigee, rad, of a state; mu in m3/s2."""
+    """Return the true anomaly of a state, rad; mu in m3/s2."""
     momentum = state.radius * state.speed * math.cos(state.flight_path_angle)
     towards = momentum**2 / (mu * state.radius) - 1.0
     ahead = momentum * state.speed * math.sin(state.flight_path_angle) / mu
@@ -49,26 +49,26 @@ def true_anomaly_of(state: Insertion, mu: float) -> float:
 
 
 def names_perigee_direction(target: np.void) -> bool:
-    """Return whether a target names in which direction its perigee lies."""
+    """Return whether a target constrains the direction of its perigee."""
     named = bool(int(target["named"]) & NAMES_ARGUMENT_OF_PERIGEE)
     return named or bool(target["kind"] == TARGET_KEPLERIAN)
 
 
 def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
-    """Raise ValueError unless all of a list's values are sound."""
+    """Raise ValueError unless all elements of a mask are true."""
     if not np.all(sound):
         raise ValueError(f"{name}: expected {expected}")
 
 
 @dataclass(frozen=True)
 class JettisonPlan:
-    """The jettison as an interior target, and the scalar delta-V of each piece (Table 6.6).
+    """Hold the jettison as an interior target and the scalar delta-V of each burn (Table 6.6).
 
     Attributes:
         radius_m, speed_m_s, flight_path_angle_rad: state at the jettison.
         jettison_time_s, cutoff_time_s: mission elapsed time.
         delta_v_m_s: start to staging, staging to jettison, jettison to cut-off; 0 for a
-            piece that is flown already.
+            part already flown.
     """
 
     radius_m: float
@@ -105,25 +105,27 @@ class JettisonPlan:
 
 @dataclass(frozen=True)
 class ArcPlan:
-    """How a mission is flown that leaves more free than the end of its last arc.
+    """Plan a mission that leaves more free than the end of its last arc.
+
+    All dictionaries have the index into the mission's arcs as key.
 
     Attributes:
-        lengths_s: of the free arcs and of burns that are held, by index into the mission's arcs.
-        ends: state at the end of each free burn and of each that is held, and of the last arc
-            where the target leaves the place on its orbit free, by the same index.
-        directions: of the first and the last thrust since the end before, up to there and
-            up to the end of the last arc, shape (2, 3), where they are known.
-        positions: at the end of each of these, m, shape (3,), where they are known.
-        primers: at the begin of each burn's thrust, a unit vector, and its rate, 1/s, shape
-            (2, 3); nan: not known.
-        ignitions: when that is, mission elapsed time, s.
-        jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
-        first_arc: index of the arc that it begins in: those before are over.
-        by_legs: every law flies it leg by leg, `optimal` too, which elsewhere plans the whole
-            flight anew: the plan keeps what the two-point problem on board does not know of.
-        orbits: that each of these burns before the last ends on, where they are known.
-        held: burns of which a coast that touches its floor decides how they end. Each ends a leg,
-            of fixed length too.
+        lengths_s: length of each free arc and each held burn.
+        ends: state at the end of each burn that ends a leg, and of the last arc if the target
+            leaves the place on its orbit free.
+        directions: first and last thrust direction of the leg that ends with the arc, shape
+            (2, 3), where known.
+        positions: position at the end of that leg, m, shape (3,), where known.
+        primers: primer at the start of each burn's thrust, a unit vector, and its rate, 1/s,
+            shape (2, 3); nan: not known.
+        ignitions: start of each burn's thrust, mission elapsed time, s.
+        jettison_time_s: mission elapsed time; nan: not known, or no heating jettison.
+        first_arc: index of the arc in which the plan begins; earlier arcs are over.
+        by_legs: law `optimal` flies leg by leg too, instead of solving for the whole flight in
+            each cycle: the plan satisfies constraints that the on-board problem lacks.
+        orbits: orbit at the end of each burn that ends a leg, where known.
+        held: burns whose end is constrained by a later coast that touches its floor. Each ends a
+            leg, even if its length is fixed.
     """
 
     lengths_s: dict[int, float]
@@ -139,13 +141,13 @@ class ArcPlan:
     held: frozenset[int] = frozenset()
 
     def record(self, arrays: MissionArrays) -> NDArray[np.void]:
-        """The plan as the kernel reads it, shape (1,), dtype PLAN.
+        """Return the plan for the kernels, shape (1,), dtype PLAN.
 
         Args:
             arrays: the mission.
 
         Raises:
-            ValueError: something of it is missing or cannot be flown.
+            ValueError: a length or an end state is missing, or a length is negative.
         """
         arcs = arrays.arcs
         mu = float(arrays.environment["mu"][0])
@@ -178,7 +180,7 @@ class ArcPlan:
             target["speed"] = end.speed
             target["flight_path_angle"] = end.flight_path_angle
             target["inclination"] = end.inclination
-            # of an equatorial plane any
+            # undefined for an equatorial plane: any node will do
             target["ascending_node"] = np.nan_to_num(end.ascending_node)
             if self.by_legs and names_perigee_direction(arrays.target[0]):
                 self._hold_perigee(target, int(k))
@@ -194,9 +196,9 @@ class ArcPlan:
         return record
 
     def _hold_perigee(self, target: np.void, k: int) -> None:
-        """Aim a leg at its plan's orbit, any place on it, where that is bound and elongated.
+        """Aim a leg at its planned orbit, place free, if that is bound and elongated.
 
-        A short burn after it turns no orbit back.
+        A short later burn cannot rotate the apsides of such an orbit back.
 
         Args:
             target: record TARGET, with the plane. Changed.
@@ -211,7 +213,7 @@ class ArcPlan:
         target["argument_of_perigee"] = orbit.argument_of_perigee
 
     def _end(self, k: int) -> Insertion:
-        """The state at the end of a burn, by its index.
+        """Return the state at the end of burn ``k``.
 
         Raises:
             ValueError: there is none.
@@ -223,28 +225,28 @@ class ArcPlan:
 
 @dataclass(frozen=True)
 class OfflineTrajectory:
-    """A trajectory found off line: its burn arc by arc, and its samples.
+    """Hold an optimized trajectory: its segments with their steering, and its samples.
 
-    An arc ends at least where a stage or a part is dropped. Times are mission elapsed time in
-    s, vectors stand in the frame ``ares_eci``; lists of vectors have shape (n, 3).
+    A segment (``arc_*``) ends at every drop of mass, if not earlier. Times are mission elapsed
+    time in s, vectors are in the frame ``ares_eci``; lists of vectors have shape (n, 3).
 
     Attributes:
         jettison_time: s; nan: none.
         cutoff_time: s.
         arc_start_time, arc_end_time: s.
-        arc_start_mass, arc_end_mass: kg, drops at the start done, at the end not.
+        arc_start_mass, arc_end_mass: kg, after drops at the start, before drops at the end.
         arc_delta_v: m/s.
         steering_reference_time: s.
         steering_direction, steering_direction_rate: shape (n, 3), unit and 1/s.
-        primer_rate: of the primer that is steering_direction at the arc's start, shape (n, 3),
-            1/s; nan: not known.
+        primer_rate: rate of the primer, which equals steering_direction at the segment's start,
+            shape (n, 3), 1/s; nan: not known.
         sample_time: s; the jettison is one of them.
         sample_position: shape (n, 3), m.
         sample_velocity: shape (n, 3), m/s.
-        flown_arc: index of each of the mission's arcs from the one that runs on,
-        flown_start_time, flown_end_time: and when it begins and ends, s; a begin in the past for
-            one that runs.
-        by_legs: as of `ArcPlan`.
+        flown_arc: indices of the mission's arcs from the present one on.
+        flown_start_time, flown_end_time: start and end of each of these, s; the present arc
+            starts in the past.
+        by_legs: see `ArcPlan`.
     """
 
     jettison_time: float
@@ -267,10 +269,10 @@ class OfflineTrajectory:
     by_legs: bool = False
 
     def __post_init__(self) -> None:
-        """Check the lists.
+        """Check the lengths of the lists, then their values.
 
         Raises:
-            ValueError: one line; lists that belong together differ in length.
+            ValueError: lists that belong together differ in length, or a value is wrong; one line.
         """
         for kind in ("arc", "sample", "flown"):
             lengths = {
@@ -284,10 +286,10 @@ class OfflineTrajectory:
         self._check_values()
 
     def _check_values(self) -> None:
-        """See that the numbers can be those of a burn.
+        """Check that the numbers describe burns.
 
         Raises:
-            ValueError: naming the list, and what was expected.
+            ValueError: naming the list and its expected values.
         """
         for name in ("arc_start_time", "arc_end_time", "arc_start_mass", "arc_end_mass"):
             _expect(np.isfinite(getattr(self, name)), name, "finite numbers")
@@ -309,14 +311,14 @@ class OfflineTrajectory:
         _expect(np.isfinite(self.sample_velocity), "sample_velocity", "finite numbers")
 
     def check_begin(self, time_s: float, mass_kg: float) -> None:
-        """See that it begins where the vehicle is.
+        """Check that the trajectory begins at the requested state.
 
         Args:
-            time_s: of the state that was asked from, mission elapsed time.
-            mass_kg: in it.
+            time_s: of the requested state, mission elapsed time.
+            mass_kg: of the requested state.
 
         Raises:
-            ValueError: it is the trajectory of another flight, or of another vehicle.
+            ValueError: it begins at another time or mass, or its cut-off is past.
         """
         if not len(self.arc_start_time):
             raise ValueError("no arcs")
@@ -331,7 +333,7 @@ class OfflineTrajectory:
             )
 
     def velocity_to_go(self) -> Array:
-        """The burn as one vector, m/s, shape (3,): each arc along its mean direction."""
+        """Sum the delta-V of all segments along their mean directions, m/s, shape (3,)."""
         burns = self.arc_delta_v > 0.0
         middle = 0.5 * (self.arc_start_time + self.arc_end_time)
         ahead = (middle - self.steering_reference_time)[burns]
@@ -343,16 +345,16 @@ class OfflineTrajectory:
         return velocity
 
     def sample_at(self, t: float, what: str) -> Insertion:
-        """The state at a time, s.
+        """Return the state of the sample at a time, s.
 
         Raises:
-            ValueError: there is no sample; ``what`` is there.
+            ValueError: there is no sample; the message names the event ``what``.
         """
         k = self._sample(t, what)
         return Insertion.from_state(self.sample_position[k], self.sample_velocity[k])
 
     def _sample(self, t: float, what: str) -> int:
-        """Index of the sample at a time, s."""
+        """Return the index of the sample at a time, s; errors as in :meth:`sample_at`."""
         if len(self.sample_time) == 0:
             raise ValueError(f"no sample at {what}: there are none")
         nearest = int(np.argmin(np.abs(self.sample_time - t)))
@@ -364,13 +366,13 @@ class OfflineTrajectory:
         return nearest
 
     def arc_plan(self, arrays: MissionArrays) -> ArcPlan:
-        """The plan of what a mission leaves free.
+        """Build the plan of a mission's free arcs and free end.
 
         Args:
             arrays: the mission.
 
         Raises:
-            ValueError: the trajectory is not one of this mission, or goes through the ground.
+            ValueError: the trajectory is not of this mission, or goes through the ground.
         """
         arcs = arrays.arcs
         self._check_arcs(arcs)
@@ -387,14 +389,14 @@ class OfflineTrajectory:
             free = np.isinf(arcs["duration"][k])
             if free or k in lifts:
                 lengths[int(k)] = float(end - start)
-            first = self._first_piece(start, end)
+            first = self._first_burn(start, end)
             if burns and first is not None:
                 primers[int(k)] = np.array(
                     [self.steering_direction[first], self.primer_rate[first]]
                 )
                 ignitions[int(k)] = float(self.arc_start_time[first])
             if last or (free and burns) or k in lifts:
-                if self._first_piece(begin, end) is not None:
+                if self._first_burn(begin, end) is not None:
                     directions[int(k)] = self._directions(begin, end)
                 at = self._sample(end, f"the end of burn {k}")
                 position, velocity = self.sample_position[at], self.sample_velocity[at]
@@ -402,7 +404,7 @@ class OfflineTrajectory:
                 positions[int(k)] = position
                 begin = end
                 if last:
-                    # its tail-off included, where the target holds
+                    # after the tail-off, where the target is to be met
                     reached = float(self.sample_time[-1])
                     states[int(k)] = self.sample_at(reached, f"the end of burn {k}")
                 else:
@@ -424,7 +426,7 @@ class OfflineTrajectory:
         )
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:
-        """See that the arcs are those of a mission, from some arc to the last.
+        """Check that the flown arcs are the last arcs of a mission.
 
         Raises:
             ValueError: they are not.
@@ -444,14 +446,14 @@ class OfflineTrajectory:
                     f"{fixed[k]:.3f} s in the mission: its arcs are not those of the mission"
                 )
 
-    def _first_piece(self, start: float, end: float) -> int | None:
-        """The first piece with thrust between two times, s; None: there is none."""
+    def _first_burn(self, start: float, end: float) -> int | None:
+        """Return the index of the first segment with thrust between two times, s, or None."""
         middle = 0.5 * (self.arc_start_time + self.arc_end_time)
         inside = (middle > start) & (middle < end) & (self.arc_delta_v > 0.0)
         return int(np.argmax(inside)) if inside.any() else None
 
     def _directions(self, begin: float, end: float) -> Array:
-        """First and last direction of the thrust between two times, s; shape (2, 3)."""
+        """Return the first and last thrust direction between two times, s; shape (2, 3)."""
         burns = np.flatnonzero(
             (self.arc_delta_v > 0.0)
             & (self.arc_start_time > begin - SAME_TIME)
@@ -466,10 +468,10 @@ class OfflineTrajectory:
         return np.array(found) / np.linalg.norm(found, axis=1, keepdims=True)
 
     def jettison_plan(self) -> JettisonPlan:
-        """State at the jettison and the scalar delta-V of each piece.
+        """Build the plan of the jettison: the state there and the delta-V of each part.
 
         Raises:
-            ValueError: there is no jettison, or the lists do not hold it.
+            ValueError: there is no jettison, or no sample of it.
         """
         t = self.jettison_time
         if not math.isfinite(t) or len(self.sample_time) == 0:
@@ -477,7 +479,7 @@ class OfflineTrajectory:
         there = self.sample_at(t, "the jettison")
         before = self.arc_end_time <= t + SAME_TIME
         drops = self.arc_start_mass[1:] < self.arc_end_mass[:-1] * (1.0 - LEAST_DROP)
-        # the only drop before the jettison is that of the first stage
+        # staging is the only drop before the jettison
         staging = np.flatnonzero(drops & before[1:])
         staged = np.arange(len(before)) > (staging[0] if len(staging) else -1)
         pieces = (before & ~staged, before & staged, ~before)

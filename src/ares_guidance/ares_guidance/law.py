@@ -41,7 +41,7 @@ def _setting(
 
 @dataclass(frozen=True)
 class LawSettings:
-    """Cycle and gates of the law; each gate decides whether a solution may be flown."""
+    """Hold the cycle and the gates of a law; a gate accepts or refuses a solution."""
 
     cycle_period_s: float = _setting(1.0, "Flight time between guidance cycles.", "s", 0.001, 100.0)
     hold_time_s: float = _setting(
@@ -167,7 +167,7 @@ class LawSettings:
                 raise ValueError(f"{item.name} is {value}; expected {low:g} to {high:g}")
 
     def record(self) -> NDArray[np.void]:
-        """The settings as the kernel reads them, shape (1,), dtype GUIDANCE_SETTINGS."""
+        """Return the settings for the kernels, shape (1,), dtype GUIDANCE_SETTINGS."""
         record = np.zeros(1, GUIDANCE_SETTINGS)
         record["cycle_period"] = self.cycle_period_s
         record["hold_time"] = self.hold_time_s
@@ -199,20 +199,20 @@ HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
 
 @dataclass(frozen=True)
 class LawKind:
-    """A guidance law as one part: what a package registers under `ares_guidance.laws`.
+    """Describe a guidance law; a package registers one under `ares_guidance.laws`.
 
     Attributes:
-        name: what it is chosen by.
-        code: `law` of GuidanceStatus; from 128 for laws of other packages.
-        step: kernel with the arguments of `kernels.cycle.guidance_step`; of a law with a memory of
-            its own with that behind them.
-        build: makes the law from arrays and settings; None: it is a plain `Law`.
+        name: by which a user selects it.
+        code: `law` of GuidanceStatus; 128 or more for laws of other packages.
+        step: kernel with the arguments of `kernels.cycle.guidance_step`; for a law with a memory of
+            its own, a record of it is the last argument.
+        build: constructor of the law from arrays and settings; None: `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
-        holds_attitude: it aims burns in held attitude.
-        meets_place: it flies to a place on an orbit whose perigee is named too.
-        memory: what the law keeps between navigation states besides GUIDANCE_STATE; all zero
-            when a flight begins, and not touched when navigation is acquired anew: the phase of
-            GUIDANCE_STATE is then PHASE_IDLE.
+        holds_attitude: it can aim burns in held attitude.
+        meets_place: it can meet a target that names both argument of perigee and true anomaly.
+        memory: dtype of the law's own memory between navigation states, besides GUIDANCE_STATE.
+            It is zero at the start of a flight; when navigation is acquired anew, it stays and
+            the phase in GUIDANCE_STATE is PHASE_IDLE.
     """
 
     name: str
@@ -225,15 +225,15 @@ class LawKind:
     memory: np.dtype[Any] = NO_MEMORY
 
 
-#: The law of the shared cycle as it stands.
+#: The law of the shared cycle without any replacement.
 PEG = LawKind("peg", LAW_PEG, step_by_legs, holds_attitude=True)
 
 
 def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> LawKind:
-    """A law that finds its solutions in its own way, in the shared cycle.
+    """Build a law from a search of its own, run in the shared cycle.
 
     Args:
-        name: as of `LawKind`; so the next.
+        name: of the law.
         code: `law` of GuidanceStatus.
         seek: kernel with the arguments and results of `kernels.convergence.seek`.
     """
@@ -245,10 +245,10 @@ def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> 
 
 
 def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float, bool]]) -> LawKind:
-    """A law that repeats a pass of its own until it settles, in the shared cycle.
+    """Build a law from a pass of its own, iterated to convergence in the shared cycle.
 
     Args:
-        name: as of `LawKind`; so the next.
+        name: of the law.
         code: `law` of GuidanceStatus.
         iterate: kernel with the arguments and results of `kernels.peg.iterate`.
     """
@@ -259,33 +259,33 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
 
 
 def needs_plan(arrays: MissionArrays) -> bool:
-    """Return whether a law flies a mission by a plan alone.
+    """Return whether a mission cannot be flown without a plan.
 
-    Arcs before the last are free, or where on its orbit the target is met.
+    That is so if arcs before the last are free, or the place of insertion on the target orbit.
     """
     return leaves_arcs_free(arrays) or leaves_end_free(arrays.target[0])
 
 
 def name_free_arcs(arrays: MissionArrays) -> str:
-    """The free arcs before the last, for a person."""
+    """Name the free arcs before the last, such as "arcs 1, 2"."""
     free = np.flatnonzero(np.isinf(arrays.arcs["duration"][:-1]))
     return f"arc{'s' * (len(free) > 1)} " + ", ".join(str(k) for k in free)
 
 
 def name_what_is_free(arrays: MissionArrays) -> str:
-    """Name for a person what a plan decides: free arcs, the end on the target's orbit."""
+    """Name the quantities that a plan fixes: free arcs, the place on the target orbit."""
     parts = [f"the free {name_free_arcs(arrays)}"] * leaves_arcs_free(arrays)
     parts += ["the end on the target's orbit"] * leaves_end_free(arrays.target[0])
     return " and ".join(parts)
 
 
 def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
-    """Why a law does not fly a mission of which there is no plan, and what to try; one line.
+    """Build the message of a flight that is refused for lack of a plan, with advice; one line.
 
     Args:
-        law: its name.
+        law: name of the law.
         arrays: the mission.
-        reason: the optimizer's.
+        reason: given by the optimizer.
     """
     return (
         f"law {law} needs a plan of {name_what_is_free(arrays)}, the optimizer has none: "
@@ -295,7 +295,7 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
 
 @cache
 def guarded(kind: LawKind) -> Callable[..., None]:
-    """Return the step of a law between navigation gate and monitors: `guarded_step` of its own."""
+    """Return the step of a law between navigation gate and monitors, a `guarded_step`."""
     place = "guidance_step" if kind.memory == NO_MEMORY else "step_law"
     step: Callable[..., None] = specialised(
         "ares_guidance.kernels.guarded", f"of_{kind.name}", **{place: kind.step}
@@ -305,7 +305,7 @@ def guarded(kind: LawKind) -> Callable[..., None]:
 
 @cache
 def _entry(kind: LawKind) -> Callable[[MissionArrays, OnboardArrays], None]:
-    """The step of a law as Python calls it."""
+    """Return the step of a law for calls from Python."""
     entry: Callable[[MissionArrays, OnboardArrays], None] = specialised(
         "ares_guidance.kernels.entry", f"of_{kind.name}", guarded_step=guarded(kind)
     ).answer
@@ -313,11 +313,11 @@ def _entry(kind: LawKind) -> Callable[[MissionArrays, OnboardArrays], None]:
 
 
 class Law:
-    """The law and its memory between navigation states.
+    """Hold a guidance law and its memory between navigation states.
 
     Attributes:
         kind: which law.
-        onboard: what it holds of the flight; read only by custom.
+        onboard: arrays of guidance for the flight; callers only read them.
     """
 
     def __init__(
@@ -356,24 +356,24 @@ class Law:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight, not the plan of its arcs, if that is one of all arcs."""
+        """Forget the flight, and a plan that does not begin with the mission's first arc."""
         if self._arc_plan is not None and self._arc_plan.first_arc > 0:
             self._arc_plan = None
         self._begin()
 
     def _begin(self) -> None:
-        """Put the state of before a flight on board, with the plan."""
+        """Initialize the arrays of guidance for a flight, with the plan."""
         self.onboard = blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays)[0]
 
     @property
     def lacks_plan(self) -> bool:
-        """The mission leaves free what a plan decides, and there is none yet."""
+        """Return whether the mission needs a plan and the law has none."""
         return needs_plan(self._arrays) and self._arc_plan is None
 
     def check_plan(self) -> None:
-        """See that there is a plan where one is needed.
+        """Check that the law has a plan if the mission needs one.
 
         Raises:
             ValueError: there is none; one line.
@@ -385,10 +385,10 @@ class Law:
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:
-        """Fly the next flights by a plan; by one of the arcs left this flight alone.
+        """Fly by a plan; a plan that begins after the first arc holds for this flight only.
 
         Raises:
-            ValueError: it is not one of this mission.
+            ValueError: the plan is not of this mission.
         """
         plan.record(self._arrays)
         self._arc_plan = plan
@@ -397,7 +397,7 @@ class Law:
     def seed(
         self, velocity_to_go: NDArray[np.float64], jettison_times: NDArray[np.float64]
     ) -> None:
-        """Start the next flight from a guess instead of from nothing.
+        """Start the next flight from a guess instead of the scalar impulse.
 
         Args:
             velocity_to_go: shape (3,), m/s, finite and not zero.
@@ -405,7 +405,7 @@ class Law:
                 one that is not planned.
 
         Raises:
-            ValueError: a guess that is no start.
+            ValueError: the guess is not usable.
         """
         speed = float(np.linalg.norm(velocity_to_go))
         if not (math.isfinite(speed) and speed > 0.0):
@@ -422,13 +422,13 @@ class Law:
         self.state["seeded"] = 1
 
     def start_from(self, trajectory: OfflineTrajectory) -> None:
-        """Start the next flight from a trajectory found off line.
+        """Start the next flight from an optimized trajectory.
 
         Args:
-            trajectory: from where the flight is.
+            trajectory: begins at the present state.
 
         Raises:
-            ValueError: the trajectory is no start.
+            ValueError: the trajectory is not usable.
         """
         planned = np.full(len(self._arrays.jettisons), math.inf)
         if needs_plan(self._arrays):
@@ -441,7 +441,7 @@ class Law:
 
     @property
     def state(self) -> Any:
-        """What the law thinks, record GUIDANCE_STATE."""
+        """Return the guidance state, record GUIDANCE_STATE."""
         return self.onboard.state[0]
 
     @property
@@ -451,17 +451,17 @@ class Law:
 
     @property
     def steering(self) -> NDArray[np.void]:
-        """The present answer, shape (1,), dtype STEERING."""
+        """Return the present answer, shape (1,), dtype STEERING."""
         return self.onboard.steering
 
     @property
     def steered(self) -> bool:
-        """A direction has been given: the answer may be flown."""
+        """Return whether the answer holds a thrust direction and may be flown."""
         return bool(self.state["phase"] != PHASE_IDLE)
 
     @property
     def converged(self) -> bool:
-        """The answer is a converged solution or holds one."""
+        """Return whether the answer is a converged solution, or steering held from one."""
         return bool(self.state["phase"] > PHASE_CONVERGING)
 
     def step(self, nav: Any) -> bool:

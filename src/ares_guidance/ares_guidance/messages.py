@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The law between messages: navigation states in, commands and status out.
+"""Adapter between a guidance law and messages: navigation states in, commands and status out.
 
-The node answers with it, and so does whoever gives it the states of a bag.
+The node uses it in flight, replay uses it on the states of a bag.
 """
 
 import json
@@ -27,20 +27,20 @@ from ares_node.diagnostics import FINAL_MASS_KG, LOWEST_COAST_M
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
 
-#: Method of the optimizer that the law can ask for.
+#: Optimizer method that a request can select.
 ANALYTIC = "analytic"
-#: Reported once where the law starts from the optimizer's answer, with its method and the stamp
-#: of the navigation state in the request.
+#: Reported once when the law starts from the optimizer's answer, with the method and the stamp of
+#: the navigation state in the request.
 ANSWER_TAKEN = "starting from the optimizer's answer"
 ASKED_AT_NS = "asked_at_ns"
 
 
 class Answers:
-    """What a law answers to the navigation states of one flight, as messages.
+    """Answer the navigation states of one flight with messages.
 
     Attributes:
         law: the law.
-        identity: flight_id and guidance_id of what is answered.
+        identity: flight_id and guidance_id of the answers.
     """
 
     def __init__(self, mission: Mission, values: Mapping[str, Any]) -> None:
@@ -48,14 +48,14 @@ class Answers:
 
         Args:
             mission: as guidance believes it.
-            values: parameters of the node guidance by name, but for flight_id; a setting of the
-                law that is not there has its default.
+            values: parameters of the node guidance by name, without flight_id; a missing setting
+                of the law has its default.
 
         Raises:
             ValueError: no such law, a setting out of its range, or a law that cannot fly this
                 mission; one line.
         """
-        # a bag does not name settings that are younger than it
+        # an old bag lacks settings that were introduced later
         known = [item for item in fields(LawSettings) if item.name in values]
         self.arrays = mission.arrays(foreseen=True)
         self.law: Law = make_law(
@@ -67,7 +67,7 @@ class Answers:
         self._values = values
         self._mission = mission
         name = str(values["mission"])
-        #: how the optimizer is told of it, which opens no path
+        #: mission of a request: a shipped name, else the text of the file; never a path
         self._asks_for = (
             {"mission": name}
             if name in list_missions()
@@ -80,31 +80,32 @@ class Answers:
         self._measured = self._nav[list(self._state_message.fields)]
         self._stamp = stamp_from_ns(0)
 
-    # ---- what it flies by
+    # ---- settings and the optimizer's guess
 
     def settings(self) -> str:
-        """All that decides what is answered: a JSON object of the node's parameters and more.
+        """Return everything that determines the answers, as a JSON object.
 
-        `software` names what computes, `mission_digest` the numbers of the mission.
+        It holds the node's parameters, `software` (versions) and `mission_digest` (of the
+        mission's numbers).
         """
         about = {"software": software(), "mission_digest": self._mission.digest}
         return json.dumps(about | dict(self._values))
 
     @property
     def wants_guess(self) -> bool:
-        """Whether the optimizer is asked before the first answer."""
+        """Return whether the law needs the optimizer's answer before its first command."""
         law = self.law
         needed = law.kind.needs_trajectory or law.lacks_plan
         return bool(self._values["initial_guess"] != "none" or needed)
 
     @property
     def time_limit(self) -> float:
-        """Wall time in s that the optimizer has."""
+        """Return the wall time allowed for the optimizer, s."""
         name = "plan_timeout_s" if self.law.lacks_plan else "optimizer_timeout_s"
         return float(self._values[name])
 
     def request(self, state: NavState) -> SolveTrajectory.Request:
-        """What the optimizer is asked from a navigation state."""
+        """Build the optimizer's request from a navigation state."""
         self._asked = ns_from_stamp(state.stamp) / NANOSECONDS, float(state.mass)
         self._start["time"] = self._asked[0]
         for name in self._state_message.fields:
@@ -119,11 +120,11 @@ class Answers:
         )
 
     def check_start(self, answer: SolveTrajectory.Response) -> None:
-        """Ask the law for a way by the optimizer's answer to the last `request`.
+        """Check that the law can fly the optimizer's answer to the last `request`.
 
         Raises:
-            FindsNoWay: it finds none; one line, which names the laws that do.
-            ValueError: the answer is no plan of this mission.
+            FindsNoWay: it finds no solution; one line, which names the laws that do.
+            ValueError: the answer is not a plan of this mission.
         """
         if needs_plan(self.arrays):
             plan = _trajectory(answer).arc_plan(self.arrays)
@@ -133,10 +134,10 @@ class Answers:
         """Start from the optimizer's answer to the last `request`.
 
         Returns:
-            What is told of a plan: FINAL_MASS_KG and LOWEST_COAST_M; of another start nothing.
+            For a plan FINAL_MASS_KG and LOWEST_COAST_M, else an empty dictionary.
 
         Raises:
-            ValueError: it is no start, or a plan that must not be flown; one line.
+            ValueError: the answer is not usable, or is a plan through the ground; one line.
         """
         trajectory = _trajectory(answer)
         trajectory.check_begin(*self._asked)
@@ -149,11 +150,11 @@ class Answers:
     # ---- the flight
 
     def read(self, data: bytes) -> tuple[int, int, int, Any]:
-        """Stamp in ns, flight_id, sequence and measured state of a NavState as CDR."""
+        """Return stamp in ns, flight_id, sequence and measured state of a NavState in CDR."""
         return self._state_message.read(data)
 
     def content(self, data: bytes) -> bytes:
-        """Return the part of a NavState as CDR that its seal covers."""
+        """Return the sealed part of a NavState in CDR."""
         return self._state_message.content(data)
 
     def step(self, now: int, measured: Any) -> bool:
@@ -161,25 +162,25 @@ class Answers:
 
         Args:
             now: its stamp, ns.
-            measured: as `read` gives it.
+            measured: as returned by `read`.
 
         Returns:
             Whether there is a new `status`: a guidance cycle was due, or the state was refused
-            and nothing was said of that for a period. The `command` is the answer either way,
-            once `law.steered`.
+            and no refusal was reported for a cycle period. `command` is the answer in both
+            cases, once `law.steered`.
         """
         nav = self._nav[0]
         nav["time"] = now / NANOSECONDS
         self._measured[0] = measured
         self._stamp = stamp_from_ns(now)
-        told = int(self.law.state["navigation"]["told"])
+        reported = int(self.law.state["navigation"]["reported"])
         due = self.law.step(nav)
-        return due or int(self.law.state["navigation"]["told"]) != told
+        return due or int(self.law.state["navigation"]["reported"]) != reported
 
     def command(self) -> ThrustCommand:
-        """The answer to the last state."""
+        """Build the command that answers the last state."""
         flight_id, guidance_id = self.identity
-        # a message that checks its fields keeps the array that it is given: its own, not the law's
+        # the message keeps a reference to the array: give it a copy
         steering = self.law.steering[0].copy()
         return ThrustCommand(
             stamp=self._stamp,
@@ -197,12 +198,12 @@ class Answers:
 
     @property
     def jettison_after_cutoff(self) -> bool:
-        """A heating jettison is still aboard and the plan does without it."""
+        """Return whether a heating jettison is aboard and the plan does not drop it."""
         aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
         return bool(aboard and self.law.converged and self.law.steering[0]["jettison"] < 0)
 
     def status(self) -> GuidanceStatus:
-        """How the law is doing after the last cycle."""
+        """Build the status of the law after the last cycle."""
         flight_id, guidance_id = self.identity
         state = self.law.state
         solution = state["solution"]
@@ -234,13 +235,13 @@ class Answers:
 
 
 def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
-    """The optimizer's answer without the message.
+    """Convert the optimizer's answer to a trajectory.
 
     Args:
-        answer: of the optimizer.
+        answer: response of the service.
 
     Raises:
-        ValueError: its lists do not belong together.
+        ValueError: its lists differ in length, or a value is wrong.
     """
 
     def vectors(values: Any) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guidance node: answers every navigation state with a thrust command."""
+"""Guidance node: answer every navigation state with a thrust command."""
 
 import math
 import time
@@ -40,7 +40,7 @@ from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
-from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, timing, worth_saying
+from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, is_worth_reporting, timing
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
@@ -134,21 +134,21 @@ PARAMETERS = (
     if item.metadata
 )
 
-#: Wall time in s between looks for the optimizer's answer, until it is there.
+#: Polling period for the optimizer's answer, wall time, s.
 WATCH_PERIOD = 0.02
-#: Wall time in s between looks for another flight, and without a navigation state after which
-#: a flight that was joined unasked counts as gone.
+#: Polling period for flights to join, and silence after which a flight joined without a given
+#: flight_id counts as gone; wall time, s.
 JOIN_PERIOD = 0.5
 GONE_AFTER = 5.0
 
 
-def _named(texts: dict[int, str], bits: int) -> str:
-    """What bits stand for."""
+def _join_texts(texts: dict[int, str], bits: int) -> str:
+    """Join the texts of the bits that are set."""
     return "; ".join(text for bit, text in texts.items() if bits & bit)
 
 
 class GuidanceNode(FlightNode):
-    """Runs a guidance law on each navigation state; its clock is the stamps."""
+    """Run a guidance law on each navigation state; time is taken from the stamps only."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Declare the parameters; everything else waits for `configure`."""
@@ -167,8 +167,8 @@ class GuidanceNode(FlightNode):
             flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
             self._answers = answers = Answers(mission, flown)
             self._law = answers.law
-            self._membership.tell_settings(answers.settings())
-            # compiled before anybody waits for it
+            self._membership.announce_settings(answers.settings())
+            # compile before the simulator waits for an answer
             prepare = rehearse if self._law.lacks_plan else check_law
             prepare(values["law"], answers.arrays, mission.start().navigation())
             failed.pop_all()
@@ -188,19 +188,19 @@ class GuidanceNode(FlightNode):
             raw=True,
         )
         self._wants_guess = answers.wants_guess
-        # a client alone lists the service on the graph
+        # create the client only if needed: it lists the service on the graph
         self._optimizer: Client | None = None
         if self._wants_guess:
             self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
         self._guess: Future | None = None
         self._held_back: bytes | None = None
         self._ask_from = -math.inf
-        #: stamp in ns and number of the last state that was not refused
+        #: stamp in ns and sequence number of the last accepted state
         self._last: tuple[int, int] | None = None
         self._longest_cycle_s = 0.0
-        self._told_longest_cycle = False
+        self._published_longest_cycle = False
         self._heard_at = -math.inf
-        self._told: set[int] = set()
+        self._warned: set[int] = set()
         self._looked_since: float | None = None
         self._active = False
         self._statuses = 0
@@ -208,14 +208,14 @@ class GuidanceNode(FlightNode):
         self._membership.listen(self._on_member)
 
     def activate(self) -> None:
-        """Begin to answer."""
+        """Start answering."""
         self._active = True
         self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
         self._joining = self.wall_timer(JOIN_PERIOD, self._join)
         self._join()
 
     def deactivate(self) -> None:
-        """Stop answering; the last state is kept for an `activate` in time."""
+        """Stop answering; keep the last state for a later `activate`."""
         self._active = False
         self.destroy_timer(self._watch)
         self.destroy_timer(self._joining)
@@ -232,7 +232,7 @@ class GuidanceNode(FlightNode):
     def _forget(self) -> None:
         self._law.reset()
         if self._law.lacks_plan and self._active:
-            # it had one from the middle of another flight
+            # its plan was for the rest of another flight
             self._wants_guess = True
             self._guess = None
             self._looked_since = None
@@ -240,30 +240,30 @@ class GuidanceNode(FlightNode):
             self._watch.reset()
         self._reported = int(GuidanceStatus.NONE)
         self._findings = 0
-        self._told_safe = False
+        self._reported_safe = False
         self._avoiding = 0
         self._without_jettison = False
         self._fallen_back = False
         self._late = 0
         self._refused = 0
         self._refused_before: int | None = None
-        #: stamp of the first state that was taken after refused ones, whose own may be wrong; ns
+        #: stamp of the first state accepted after refused ones, ns
         self._good_from: int | None = None
         self._acquired = 0
         self._violated = 0
         self._violations = 0
 
-    # ---- the flight that is guided
+    # ---- membership in a flight
 
     def _on_member(self, member: FlightMember) -> None:
         if member.role == Role.VEHICLE_SIM and self._active:
             self._join()
 
     def _join(self) -> None:
-        """Agree on a flight, or see why not."""
+        """Join a flight, or report the reason for not joining."""
         mine = self._membership
         silent = time.monotonic() - self._heard_at > GONE_AFTER
-        # while it plans it hears nothing: the count is held
+        # no navigation states arrive while it plans: the simulator holds the count
         gone = silent and mine.state is not State.PLANNING
         simulator = mine.simulator
         if simulator is not None and simulator.state == State.OVER and self._guiding:
@@ -277,24 +277,24 @@ class GuidanceNode(FlightNode):
             self._statuses = 0
             self._forget()
         if simulator.mission not in ("", self._mission_name):
-            self._tell(
+            self._warn_once(
                 f"flight {id_text(mine.flight_id)} flies mission {simulator.mission}, this "
                 f"guidance is for {self._mission_name}: it has no part in it",
             )
         elif simulator.guidance_id == mine.member_id:
-            # others may have heard in this name, or in the simulator's, that it is over
+            # another node may have announced the end in this member's or the simulator's name
             again = mine.state is State.OVER and simulator.state in OPEN
             if mine.state is State.PRESENT or again:
                 plans = self._law.lacks_plan
                 mine.agree(mine.member_id, State.PLANNING if plans else State.READY)
-                self._take_held_back()
+                self._answer_held_back()
         elif not simulator.guidance_id:
             if mine.state in AGREED and simulator.state in OPEN:
-                # the simulator has lost it, whoever said so
+                # the simulator no longer counts on this guidance
                 mine.say(State.PRESENT)
         else:
             mine.say(State.PRESENT)
-            self._tell(
+            self._warn_once(
                 f"flight {id_text(mine.flight_id)} has another guidance: this one has no part in it"
             )
 
@@ -302,18 +302,18 @@ class GuidanceNode(FlightNode):
     def _guiding(self) -> bool:
         return self._membership.state in AGREED
 
-    def _tell(self, text: str) -> None:
-        """Report once per flight."""
-        if self._membership.flight_id not in self._told:
-            self._told.add(self._membership.flight_id)
+    def _warn_once(self, text: str) -> None:
+        """Report a warning once per flight."""
+        if self._membership.flight_id not in self._warned:
+            self._warned.add(self._membership.flight_id)
             self.diagnostics.report(Level.WARN, text, 0)
 
     def _on_watch(self) -> None:
-        self._take_held_back()
+        self._answer_held_back()
         if not self._wants_guess:
             self._watch.cancel()
 
-    def _take_held_back(self) -> None:
+    def _answer_held_back(self) -> None:
         data = self._held_back
         if data is not None and self._guiding:
             now, _, sequence, measured = self._answers.read(data)
@@ -338,7 +338,7 @@ class GuidanceNode(FlightNode):
     # ---- the optimizer's guess
 
     def _ready(self, now: int, data: bytes) -> bool:
-        """Whether the law may start: no guess is wanted, or it is there, or it is late."""
+        """Return whether the law may start: its guess has arrived, timed out or is not needed."""
         if not self._wants_guess:
             return True
         waited = time.monotonic() - self._asked_at if self._guess else 0.0
@@ -354,14 +354,14 @@ class GuidanceNode(FlightNode):
                 self._without_guess("no such service on the graph", now)
             return not self._wants_guess
         if self._guess.done():
-            self._take_guess(self._guess.result(), now)
+            self._use_guess(self._guess.result(), now)
         elif waited > limit:
             self._guess.cancel()
             self._without_guess(f"no answer within {waited:.1f} s", now)
         return not self._wants_guess
 
     def _patient(self) -> bool:
-        """The optimizer's node may still be on its way into the graph."""
+        """Return whether to wait longer for the optimizer's service to appear."""
         if self._looked_since is None:
             self._looked_since = time.monotonic()
         return time.monotonic() - self._looked_since < self._answers.time_limit
@@ -372,7 +372,7 @@ class GuidanceNode(FlightNode):
         self._asked = self._answers.read(data)[0]
         self._guess = optimizer.call_async(request)
 
-    def _take_guess(self, answer: Any, now: int) -> None:
+    def _use_guess(self, answer: Any, now: int) -> None:
         if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
             reason = answer.message if answer else "the call failed"
             self._without_guess(reason or f"error {answer.error_code}", now)
@@ -394,19 +394,19 @@ class GuidanceNode(FlightNode):
 
     @property
     def _flies(self) -> bool:
-        """An engine may be lit already."""
+        """Return whether the simulator flies, so that an engine may be lit."""
         simulator = self._membership.simulator
         return simulator is not None and simulator.state == State.FLYING
 
     def _refuse(self, text: str, now: int) -> None:
-        """Say why this flight is not begun: no engine is lit yet, and none will be."""
+        """Refuse the flight before ignition, with the reason."""
         self._guess = None
         self._looked_since = None
         self.diagnostics.report(Level.ERROR, text, now)
         self._membership.say(State.FAILED, reason=text)
 
     def _end_planning(self) -> None:
-        """Say that answers follow, or that it is not worth waiting for them."""
+        """Announce READY: the simulator need not hold the count any longer."""
         if self._membership.state is State.PLANNING:
             self._heard_at = time.monotonic()
             self._membership.say(State.READY)
@@ -433,7 +433,7 @@ class GuidanceNode(FlightNode):
 
     def _answer(self, now: int, sequence: int, measured: Any) -> None:
         if self._last is not None and now < self._last[0] and sequence <= self._last[1]:
-            # one with a later number is no older one: its stamp, or the last, is wrong
+            # with a later number it is a newer state: its stamp or the last one is wrong
             if sequence > 0:
                 self._pass_over(now)
                 return
@@ -446,7 +446,7 @@ class GuidanceNode(FlightNode):
         begun = time.perf_counter()
         due = answers.step(now, measured)
         if not self._law.state["navigation"]["row"]:
-            # what the gate refuses, its stamp among it, says nothing of what follows
+            # neither the stamp nor the number of a refused state can be trusted
             self._last = now, sequence
         if due:
             self._longest_cycle_s = max(self._longest_cycle_s, time.perf_counter() - begun)
@@ -460,9 +460,9 @@ class GuidanceNode(FlightNode):
         self._report(now)
 
     def _pass_over(self, now: int) -> None:
-        """Count a state that came after a later one: what it says is known better."""
+        """Count a late state, which arrived after a newer one, and do not answer it."""
         self._late += 1
-        if worth_saying(self._late):
+        if is_worth_reporting(self._late):
             self.diagnostics.report(
                 Level.WARN,
                 "navigation state older than one before it: not answered",
@@ -471,7 +471,7 @@ class GuidanceNode(FlightNode):
             )
 
     def _report_navigation(self, now: int) -> None:
-        """Say when navigation begins to be refused, and when it is good again for a cycle."""
+        """Report the first refusal of navigation, and its recovery after one good cycle."""
         watch = self._law.state["navigation"]
         if int(watch["acquired"]) != self._acquired:
             self._acquired = int(watch["acquired"])
@@ -482,7 +482,7 @@ class GuidanceNode(FlightNode):
         if refused > self._refused:
             if self._refused_before is None:
                 self._refused_before = self._refused
-                reasons = _named(REFUSAL_TEXTS, int(watch["reasons"]))
+                reasons = _join_texts(REFUSAL_TEXTS, int(watch["reasons"]))
                 text = f"navigation refused, the last solution is held: {reasons}"
                 self.diagnostics.report(Level.WARN, text, now)
             self._refused = refused
@@ -499,21 +499,21 @@ class GuidanceNode(FlightNode):
             )
 
     def _report_monitors(self, now: int) -> None:
-        """Say which rule an answer broke, the first time; how many did, at every tenfold."""
+        """Report each newly violated rule, and the number of violations at every tenfold."""
         monitors = self._law.state["monitors"]
         violations, violated = int(monitors["violations"]), int(monitors["violated"])
-        more = violations > self._violations and worth_saying(violations)
+        more = violations > self._violations and is_worth_reporting(violations)
         if violated != self._violated or more:
-            reasons = _named(MONITOR_TEXTS, int(monitors["flags"]))
+            reasons = _join_texts(MONITOR_TEXTS, int(monitors["flags"]))
             text = f"answer not let out, the last good one is held: {reasons}"
             self.diagnostics.report(Level.ERROR, text, now, {"violations": violations})
         self._violations, self._violated = violations, violated
 
     def _report(self, now: int) -> None:
         state = self._law.state
-        if int(state["phase"]) >= GuidanceStatus.PHASE_HOLD and not self._told_longest_cycle:
-            # what follows refines the cut-off and solves nothing
-            self._told_longest_cycle = True
+        if int(state["phase"]) >= GuidanceStatus.PHASE_HOLD and not self._published_longest_cycle:
+            # later cycles only refine the cut-off
+            self._published_longest_cycle = True
             milliseconds = f"{1e3 * self._longest_cycle_s:.6g}"
             self._timing_out.publish(
                 timing(self, self._membership.flight_id, {LONGEST_CYCLE_MS: milliseconds})
@@ -559,9 +559,9 @@ class GuidanceNode(FlightNode):
             text = describe(found, *self._names)
             self.diagnostics.report(Level.WARN, text, now, {"ratio": float(found["ratio"])})
         safe = aims_at_safe_orbit(state)
-        if safe and not self._told_safe:
+        if safe and not self._reported_safe:
             self.diagnostics.report(Level.WARN, SAFE_ORBIT, now)
-        self._told_safe = safe
+        self._reported_safe = safe
         mode = int(state["avoid"]["mode"])
         if mode != self._avoiding and (text := describe_avoiding(state["avoid"], self._areas)):
             self.diagnostics.report(Level.WARN, text, now)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which guidance laws are installed, without importing any. Standard library only."""
+"""Registry of the installed guidance laws; imports none of them, only the standard library."""
 
 from ares_models.registry import registered
 
@@ -8,5 +8,5 @@ GROUP = "ares_guidance.laws"
 
 
 def law_names() -> list[str]:
-    """Names of the laws."""
+    """Return the names of the laws, sorted."""
     return sorted(registered(GROUP))

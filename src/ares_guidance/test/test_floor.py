@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How low a plan goes: by the samples, and along the coasts between them."""
+"""Lowest altitude of a plan: by the samples, and along the coasts between them."""
 
 import math
 from dataclasses import replace
@@ -28,7 +28,7 @@ def mission(tmp_path_factory):
 
 
 def trajectory(orbit, length):
-    """Burn, coast and burn, of which nothing is told but the state where the coast begins."""
+    """Return a burn, a coast and a burn, sampled only at the start of the coast."""
     begin, end = 300.0, 300.0 + length
     position, velocity = orbit.state(MU)
     none, no_vectors = np.zeros(0), np.zeros((0, 3))
@@ -106,7 +106,7 @@ def test_a_coast_that_ends_before_its_perigee_is_as_low_as_its_end(mission):
 
 
 def test_the_oblate_earth_bends_a_coast(mission):
-    """A day in a low orbit: what J2 does to the perigee counts."""
+    """Over a day in a low orbit the effect of J2 on the perigee counts."""
     arrays = mission.arrays()
     arrays.environment["j2"] = 0.00108263
     orbit = Elements(6.6e6, 0.02, 1.1, 0.1, 0.2, true_anomaly=1.0)

@@ -30,7 +30,7 @@ def igm(mission, **settings):
 
 
 def upper_stage(mission, arc, mass, speed_short, below, aside=0.0, turned=0.0):
-    """A navigation state of the last burn, some way short of the target.
+    """Return a navigation state of the last burn, short of the target.
 
     Args:
         speed_short: m/s under the target's speed.
@@ -72,7 +72,7 @@ STATES = {
 
 
 def flown_plan(nav, mission, law, turns):
-    """Where the steering of the law leads under IGM's own model, by quadrature.
+    """Integrate the law's steering under IGM's own model, by quadrature.
 
     Constant mean gravity, pitch and yaw linear in time; ``turns`` 0 leaves chi-tilde alone.
 
@@ -163,7 +163,7 @@ def test_the_position_terms_reach_the_position_and_cost_no_velocity(name):
     missed = np.abs([(r_tilde - wanted) @ xi, (r_tilde - wanted) @ eta])
     left = np.abs([(r - wanted) @ xi, (r - wanted) @ eta])
     assert missed[0] > 1000.0
-    # the terms are of first order in the turn, so what they leave is of second order
+    # the terms are of first order in the turn, so the residual is of second order
     go = law.state["solution"]["velocity_to_go"]
     square = math.acos(law.state["solution"]["direction"] @ go / np.linalg.norm(go)) ** 2
     assert 0.01 < square < 0.05
@@ -200,7 +200,7 @@ def test_an_inclination_below_the_latitude_is_said_and_still_steered_at():
     arrays = mission.arrays()
     arrays.target["inclination"] = math.radians(15.0)
     law = make_law("igm", arrays)
-    # through large angles there is a way
+    # large angles lead to a solution
     law.onboard.settings["small_turn_limit"] = math.inf
     law.step(first_navigation(mission))
     assert law.state["error"] == ERROR_TARGET_UNREACHABLE

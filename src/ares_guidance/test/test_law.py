@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The law alone: self-start, gates, hold, and what it does with bad input."""
+"""The law alone: self-start, gates, hold, bad input."""
 
 import math
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What guidance predicts of thrust and primer, against integration."""
+"""Predicted effect of thrust, and primer, against integration."""
 
 import math
 

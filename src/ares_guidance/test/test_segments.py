@@ -28,7 +28,7 @@ from ares_models.arrays import (
 
 
 def three_stage_plan(jettison_time=math.inf, **changes):
-    """A burn, a coast with a staging before it, two burns of one stage, a free burn.
+    """Return a burn, a coast with a staging before it, two burns of one stage, a free burn.
 
     Changes: fields of the arcs.
     """
@@ -63,7 +63,7 @@ def three_stage_plan(jettison_time=math.inf, **changes):
 
 
 def acceleration(segments, t):
-    """Thrust acceleration of the plan at ``t``, m/s2."""
+    """Return the thrust acceleration of the plan at ``t``, m/s2."""
     for segment in segments:
         into = t - segment["start"]
         if 0.0 <= into < segment["duration"]:
@@ -74,7 +74,7 @@ def acceleration(segments, t):
 
 
 def direction_time(segments, t):
-    """When the steering has the direction of the thrust at ``t``."""
+    """Return the time at which the steering has the direction of the thrust at ``t``, s."""
     for segment in segments:
         if (
             0.0 <= t - segment["start"] < segment["duration"]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Structured dtypes: the plain data that kernels, nodes and campaigns share.
+"""Structured dtypes: the plain data shared by kernels, nodes and campaigns.
 
-A mission is compiled once into :class:`MissionArrays`; the first kernel gets that, those that
-it calls :class:`MissionRecords`, and read their fields by name. Everything is SI, angles in rad,
-times are mission elapsed time in seconds, vectors are in the frame ``ares_eci``.
+A mission is compiled once into :class:`MissionArrays`. Python passes that to an entry kernel, which
+passes :class:`MissionRecords` on; kernels read their fields by name. Everything is SI, angles in
+rad, times are mission elapsed time in seconds, vectors are in the frame ``ares_eci``.
 """
 
 from typing import Any, NamedTuple
@@ -11,17 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-#: One element of a structured array, as kernels take it: fields by attribute.
+#: One element of a structured array in a kernel: fields by attribute.
 Record = Any
 
 MAX_ARCS = 24
 MAX_JETTISONS = 8
 MAX_KNOTS = 64
-#: Areas that impacts are kept out of, and corners of one.
+#: Largest number of protected areas, and of corners of one.
 MAX_AREAS = 12
 MAX_VERTICES = 24
 
-#: s; twice what a mission may ask for: no kernel steps beyond, whatever its numbers are.
+#: Longest flight of any kernel, s: twice the limit of a mission file, so that every loop ends.
 LONGEST_FLIGHT = 1_728_000.0
 
 COAST = 0
@@ -39,7 +39,7 @@ TARGET_RADIUS_SPEED_ANGLE_PLANE = 1
 TARGET_KEPLERIAN = 2
 TARGET_ELEMENTS = 3
 
-#: What a target of kind TARGET_ELEMENTS names: bits of its ``named``.
+#: Elements that a target of kind TARGET_ELEMENTS constrains: bits of its ``named``.
 NAMES_RADIUS = 1
 NAMES_SPEED = 2
 NAMES_FLIGHT_PATH_ANGLE = 4
@@ -56,15 +56,15 @@ NAMES_TRUE_ANOMALY = 2048
 AREA_CIRCLE = 0
 AREA_POLYGON = 1
 
-#: A part of the ground, by geocentric directions that turn with the body: unit vectors, x through
-#: longitude zero, z through the north pole.
+#: A part of the ground, by geocentric unit vectors in body-fixed axes: x through longitude zero, z
+#: through the north pole.
 AREA = np.dtype(
     [
         ("kind", np.int64),  # AREA_*
-        ("centre", np.float64, (3,)),  # of the circle; of a polygon the mean of its corners
-        ("radius", np.float64),  # rad, of the circle; of a polygon to its farthest corner
-        ("count", np.int64),  # of corners
-        ("vertices", np.float64, (MAX_VERTICES, 3)),  # in turn, joined by great circles
+        ("centre", np.float64, (3,)),  # of the circle, or mean of a polygon's corners
+        ("radius", np.float64),  # rad, of the circle, or to a polygon's farthest corner
+        ("count", np.int64),  # number of corners
+        ("vertices", np.float64, (MAX_VERTICES, 3)),  # in order, joined by great circles
     ],
     align=True,
 )
@@ -72,7 +72,7 @@ AREA = np.dtype(
 ENVIRONMENT = np.dtype(
     [
         ("mu", np.float64),  # m3/s2
-        ("g0", np.float64),  # m/s2, turns specific impulse into exhaust velocity
+        ("g0", np.float64),  # m/s2, exhaust velocity over specific impulse
         ("equatorial_radius", np.float64),  # m
         ("polar_radius", np.float64),  # m
         ("rotation_rate", np.float64),  # rad/s
@@ -80,7 +80,7 @@ ENVIRONMENT = np.dtype(
         ("density_factor", np.float64),  # multiplies the tabulated density
         ("altitude_model", np.int64),  # ALTITUDE_*
         ("zero_longitude", np.float64),  # rad, right ascension of longitude zero at time 0
-        ("area_count", np.int64),  # of areas that impacts are kept out of
+        ("area_count", np.int64),  # number of protected areas
         ("areas", AREA, (MAX_AREAS,)),
     ],
     align=True,
@@ -97,14 +97,14 @@ TARGET = np.dtype(
         ("semi_major_axis", np.float64),
         ("eccentricity", np.float64),
         ("argument_of_perigee", np.float64),
-        # of TARGET_ELEMENTS alone: size, shape and anomaly of the orbit that is aimed at, and
-        # what of it the mission names; the rest is free
+        # of TARGET_ELEMENTS only: size, shape and anomaly of the orbit aimed at; elements that
+        # are not named are free
         ("named", np.int64),  # NAMES_*
         ("perigee_radius", np.float64),
         ("apogee_radius", np.float64),  # inf: escape
         ("c3", np.float64),  # m2/s2, twice the energy
         ("true_anomaly", np.float64),
-        ("safe_radius", np.float64),  # least perigee of an orbit that is safe; 0: none is named
+        ("safe_radius", np.float64),  # least perigee radius of a safe orbit; 0: not given
     ],
     align=True,
 )
@@ -116,29 +116,29 @@ ARC = np.dtype(
         ("thrust", np.float64),  # N, full thrust; 0 for a coast
         ("exhaust_velocity", np.float64),  # m/s; 1 for a coast
         ("mass_flow", np.float64),  # kg/s at full thrust; 0 for a coast
-        ("engines", np.int64),  # alike, that share the thrust; 0 for a coast
-        ("duration", np.float64),  # s to its end by the clock; inf: free; 0: to the last drop
-        ("shortest", np.float64),  # s; bounds of a free arc
-        ("longest", np.float64),  # s; inf: none but the propellant
-        ("min_altitude", np.float64),  # m, all along it; -inf: none is named
-        ("min_perigee_radius", np.float64),  # m, of the orbit it is flown on; 0: any
-        ("orbit", TARGET),  # it is flown on, as far as it names it
-        ("held", np.int64),  # 1: the direction at ignition is kept
-        ("max_acceleration", np.float64),  # m/s2, to which it is throttled; inf: it is not
+        ("engines", np.int64),  # number of identical engines; 0 for a coast
+        ("duration", np.float64),  # s to its end by the clock; inf: free; 0: until depletion
+        ("shortest", np.float64),  # s; lower bound of a free arc
+        ("longest", np.float64),  # s; upper bound of a free arc; inf: until depletion
+        ("min_altitude", np.float64),  # m, all along the arc; -inf: no floor
+        ("min_perigee_radius", np.float64),  # m, of a coast's orbit; 0: no bound
+        ("orbit", TARGET),  # of a coast, as far as its elements are named
+        ("held", np.int64),  # 1: the direction at ignition is held
+        ("max_acceleration", np.float64),  # m/s2, limit by the throttle; inf: not throttled
         ("min_throttle", np.float64),  # fraction of full thrust
         ("begins_stage", np.int64),  # 1: the mass is reset to stack_mass when the arc begins
-        ("stack_mass", np.float64),  # kg, the stage and all above it, at the arc that begins it
+        ("stack_mass", np.float64),  # kg, the stage and all above it, when the stage begins
         ("propellant", np.float64),  # kg usable by the whole stage
         # thrust-time curve: fraction of full thrust, linear between knots
-        ("tabled", np.int64),  # 1: a solid motor, whose start is all of its burn
-        ("start_knots", np.int64),  # 0: full thrust at once
+        ("tabled", np.int64),  # 1: a solid motor; its start curve is the whole burn
+        ("start_knots", np.int64),  # 0: full thrust at ignition
         ("start_time", np.float64, (MAX_KNOTS,)),  # s after the ignition command
         ("start_fraction", np.float64, (MAX_KNOTS,)),
-        ("start_flow", np.float64, (MAX_KNOTS,)),  # the same of the mass flow
+        ("start_flow", np.float64, (MAX_KNOTS,)),  # fraction of the full mass flow
         ("tail_knots", np.int64),  # 0: no thrust after the cut-off command
         ("tail_time", np.float64, (MAX_KNOTS,)),  # s after the cut-off command
         ("tail_fraction", np.float64, (MAX_KNOTS,)),
-        # what guidance needs of the curve, in seconds of full thrust
+        # impulses of the transients, in seconds of full thrust
         ("start_loss", np.float64),  # lost at the start
         ("tail_gain", np.float64),  # gained after the cut-off command
     ],
@@ -150,7 +150,7 @@ JETTISON = np.dtype(
         ("mass", np.float64),  # kg
         ("criterion", np.int64),  # HEATING_LIMIT, MISSION_TIME or TIME_AFTER_IGNITION
         ("value", np.float64),  # W/m2, s or s
-        ("stage", np.int64),  # not before the first burn of this stage
+        ("stage", np.int64),  # it drops no earlier than this stage's first burn
     ],
     align=True,
 )
@@ -170,17 +170,17 @@ NAVIGATION = np.dtype(
     align=True,
 )
 
-#: Where a flight stands in its sequence; records that carry these fields carry more beside.
+#: State of a flight's sequence; these fields are part of larger records.
 SEQUENCE = np.dtype(
     [
         ("time", np.float64),
         ("mass", np.float64),
         ("arc", np.int64),
         ("arc_start_time", np.float64),
-        ("ignited_stage", np.int64),  # last stage that was lit; -1: none
+        ("ignited_stage", np.int64),  # stage ignited last; -1: none
         ("ignition_time", np.float64),  # of that stage
         ("propellant_used", np.float64),  # kg, by the present stage
-        ("tail_arc", np.int64),  # arc whose thrust is dying away; -1: none
+        ("tail_arc", np.int64),  # arc in its tail-off; -1: none
         ("tail_start_time", np.float64),
         ("jettisoned", np.int64),  # bit k: jettison k is done
         ("inserted", np.int64),  # 1: cut off by command
@@ -195,9 +195,9 @@ STEERING = np.dtype(
         ("direction", np.float64, (3,)),  # unit vector
         ("direction_rate", np.float64, (3,)),  # 1/s
         ("cutoff_time", np.float64),  # predicted main-engine cut-off; nan: not known yet
-        ("jettison", np.int64),  # which jettison is timed by guidance; -1: none
-        ("jettison_time", np.float64),  # nan: none is due
-        # when each free arc ends; nan: not free, past, or not planned
+        ("jettison", np.int64),  # index of the jettison timed by guidance; -1: none
+        ("jettison_time", np.float64),  # nan: none
+        # end of each free arc; nan: not free, past, or not planned
         ("arc_end_times", np.float64, (MAX_ARCS,)),
     ],
     align=True,
@@ -205,7 +205,7 @@ STEERING = np.dtype(
 
 
 class MissionArrays(NamedTuple):
-    """A mission compiled for the kernels.
+    """Hold a mission compiled for the kernels.
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
@@ -223,18 +223,18 @@ class MissionArrays(NamedTuple):
     target: NDArray[np.void]
 
     def records(self) -> "MissionRecords":
-        """The same as kernels hand it to one another."""
+        """Return the records of the mission, as kernels pass them on."""
         return MissionRecords(
             self.environment[0], self.atmosphere, self.arcs, self.jettisons, self.target[0]
         )
 
 
 class MissionRecords(NamedTuple):
-    """The same as kernels hand it to one another: a record is a pointer, and costs nothing.
+    """Hold the records of a mission, as kernels pass them on: a record is a pointer.
 
     Attributes:
         environment: record ENVIRONMENT.
-        atmosphere: as above; so the next two.
+        atmosphere: shape (n, 5), as in :class:`MissionArrays`.
         arcs: dtype ARC.
         jettisons: dtype JETTISON.
         target: record TARGET.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Atmospheres behind one interface: a table of cubics in log density.
+"""Atmosphere models with one interface: a table of cubics in log density.
 
 Every model ends as the same table, shape (n, 5): altitude in m and the coefficients
-c0..c3 of log(density in kg/m3) in the height above it. Value and slope are continuous, so
-that whoever differentiates the density (the optimizer does) meets no kink. The last row
-carries value and slope only; the table goes on linearly in log density beyond both ends.
+c0..c3 of log(density in kg/m3) in the height above it. Value and slope are continuous, as the
+optimizer needs to differentiate the density. The last row has value and slope only; the table
+continues linearly in log density beyond both ends.
 
 Where a source has a kink (a layer boundary), it is rounded over ``BLEND`` metres to each
 side by the cubic that meets both sides in value and slope.
@@ -35,17 +35,17 @@ BLEND = 100.0
 EXPONENTIAL_BLEND = 250.0
 
 
-#: log of a density that is 0 as a number.
+#: Logarithm of a density that underflows to 0.
 _NO_AIR = -1e3
 
 
 class AtmosphereError(ValueError):
-    """An atmosphere cannot be built; the text says why in one line."""
+    """Report an atmosphere that cannot be built; the text is one line."""
 
 
 @dataclass(frozen=True)
 class Atmosphere:
-    """One atmosphere as a table.
+    """Hold an atmosphere as a table.
 
     Attributes:
         model: name of the model.
@@ -56,17 +56,17 @@ class Atmosphere:
     table: Array
 
     def log_density(self, altitude: float) -> tuple[float, float]:
-        """log of density in kg/m3 and its derivative in 1/m, at an altitude in m."""
+        """Return the logarithm of density in kg/m3 and its derivative, 1/m, at an altitude, m."""
         return kernels.log_density(float(altitude), self.table)
 
     def density(self, altitude: float) -> float:
-        """Density in kg/m3 at an altitude in m."""
+        """Return the density, kg/m3, at an altitude, m."""
         return math.exp(self.log_density(altitude)[0])
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Nodes of one smooth layer: altitude m, log density, slope 1/m; profiles in rows."""
+    """Hold the nodes of a smooth layer: altitude m, log density, slope 1/m; profiles in rows."""
 
     altitude: Array
     value: Array
@@ -74,17 +74,17 @@ class _Piece:
 
 
 def _pchip(altitude: ArrayLike, density: ArrayLike) -> _Piece:
-    """Layer through data, at least three, by the monotone cubic."""
+    """Interpolate a layer through at least three data by the monotone cubic."""
     h = np.asarray(altitude, dtype=np.float64)
     value = np.log(np.asarray(density, dtype=np.float64))
     return _Piece(h, value, _monotone_slopes(h, value))
 
 
-# SciPy has both splines, but takes longer to load than all else that flies
+# SciPy has both splines, but its import takes longer than all other imports of a flight
 
 
 def _monotone_slopes(x: Array, y: Array) -> Array:
-    """Slopes that let a cubic rise and fall as its data do: Fritsch and Butland (1984).
+    """Compute the slopes of the monotone cubic of Fritsch and Butland (1984).
 
     Args:
         x: increasing, shape (n,), n at least 3.
@@ -93,7 +93,7 @@ def _monotone_slopes(x: Array, y: Array) -> Array:
     width = np.diff(x)
     chord = np.diff(y) / width
     before, after = chord[..., :-1], chord[..., 1:]
-    # the harmonic mean, the nearer chord with the larger weight; none over a turning point
+    # weighted harmonic mean, the nearer chord with the larger weight; 0 at a turning point
     one, other = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
     same = before * after > 0.0
     reciprocal = np.divide(one, before, out=np.zeros_like(before), where=same)
@@ -102,7 +102,7 @@ def _monotone_slopes(x: Array, y: Array) -> Array:
     np.divide(one + other, reciprocal, out=slope[..., 1:-1], where=same)
     for end, near, far in ((0, 0, 1), (-1, -1, -2)):
         first, second = chord[..., near], chord[..., far]
-        # of the parabola through three points, but with the sign of the data
+        # slope of the parabola through three points, limited to the sign of the data
         both = width[near] + width[far]
         steep = np.asarray(((width[near] + both) * first - width[near] * second) / both)
         steep[steep * first <= 0.0] = 0.0
@@ -112,7 +112,7 @@ def _monotone_slopes(x: Array, y: Array) -> Array:
 
 
 def _spline_slopes(x: Array, y: Array) -> Array:
-    """Slopes of the cubic spline without a knot at the last data but one (de Boor, ch. IV).
+    """Compute the slopes of the not-a-knot cubic spline (de Boor, ch. IV).
 
     Args:
         x: increasing, shape (n,), n at least 4.
@@ -135,7 +135,7 @@ def _spline_slopes(x: Array, y: Array) -> Array:
 
 
 def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
-    """Layer between two points, linear in log density."""
+    """Interpolate a layer between two points linearly in log density."""
     h = np.asarray(altitude, dtype=np.float64)
     value = np.asarray(log_density, dtype=np.float64)
     slope = (value[1] - value[0]) / (h[1] - h[0])
@@ -143,7 +143,7 @@ def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
 
 
 def hermite_table(altitude: ArrayLike, log_density: ArrayLike, slope: ArrayLike) -> Array:
-    """Table of cubics through nodes with given slopes; several at once for several profiles.
+    """Build the table of cubics through nodes with given slopes, for one or several profiles.
 
     Args:
         altitude: increasing, m, shape (n,).
@@ -169,7 +169,7 @@ def hermite_table(altitude: ArrayLike, log_density: ArrayLike, slope: ArrayLike)
 
 
 def _trimmed(piece: _Piece, low: float, high: float) -> _Piece:
-    """The same curve on a shorter range, new end nodes on the old cubics."""
+    """Shorten a piece to a range, with new end nodes on the old cubics."""
     table = hermite_table(piece.altitude, piece.value, piece.slope)
     inside = (piece.altitude > low) & (piece.altitude < high)
     ends = [kernels.log_density(end, table) for end in (low, high)]
@@ -181,7 +181,7 @@ def _trimmed(piece: _Piece, low: float, high: float) -> _Piece:
 
 
 def _join(pieces: Sequence[_Piece], blend: float) -> Array:
-    """One C1 table from layers that meet in value; the kinks between them are rounded."""
+    """Join continuous layers to one C1 table by rounding the kinks between them."""
     trimmed = []
     for k, piece in enumerate(pieces):
         low, high = float(piece.altitude[0]), float(piece.altitude[-1])
@@ -199,7 +199,7 @@ def _join(pieces: Sequence[_Piece], blend: float) -> Array:
 
 
 def _read(name: str, *columns: str) -> list[Array]:
-    """Columns of a data file of this package."""
+    """Read columns of a data file of this package."""
     text = resources.files("ares_models").joinpath("data", "atmosphere", name).read_text("utf-8")
     rows = list(csv.DictReader(text.splitlines()))
     return [np.array([float(row[column]) for row in rows]) for column in columns]
@@ -209,14 +209,14 @@ _US62_LAYERS_KM = (90, 100, 110, 120, 150, 160, 170, 190, 230, 300, 400, 500, 60
 
 
 def _pra63_to(base: float) -> list[_Piece]:
-    """PRA-63 to 66 km, and the log-linear bridge to a density (kg/m3) at 90 km."""
+    """Build PRA-63 to 66 km, and the log-linear bridge to density ``base``, kg/m3, at 90 km."""
     altitude, density = _read("pra63_0_66km.csv", "h_m", "rho_kg_m3")
     ends = [math.log(density[-1]), math.log(base)]
     return [_pchip(altitude, density), _straight([altitude[-1], 1e3 * _US62_LAYERS_KM[0]], ends)]
 
 
 def _us62_from(bottom_km: int) -> list[_Piece]:
-    """US62 from one of its layer boundaries up, a smooth piece for each layer."""
+    """Build US62 from one of its layer boundaries up, one smooth piece per layer."""
     km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
     pieces = []
     for bottom, top in pairwise(_US62_LAYERS_KM):
@@ -232,7 +232,7 @@ _REFERENCE_KM = (*range(90, 130, 5), *range(130, 161, 10))
 
 @cache
 def pra63() -> Atmosphere:
-    """The thesis' atmosphere, smooth: Patrick 1963 with a US Standard Atmosphere 1962 tail.
+    """Build the thesis' atmosphere, smoothed: Patrick 1963 with a US Standard 1962 tail.
 
     Eq. 2.12 has reference densities at layer bases and an exponential between them, with a
     kink at each base. Here a cubic spline in the log density goes through the reference
@@ -250,12 +250,12 @@ def pra63() -> Atmosphere:
 
 @cache
 def pra63_data() -> Atmosphere:
-    """Patrick 1963 reference atmosphere to 66 km, US Standard Atmosphere 1962 from 90 km.
+    """Build the Patrick 1963 atmosphere to 66 km, US Standard Atmosphere 1962 from 90 km.
 
     Density of PRA-63 from NASA JSC-08964, Appendix A; US62 by hydrostatic integration of
     its published layers. Between 66 and 90 km there are no data: the log density is taken
-    linear there. That PRA-63 goes on as US62 is an assumption (the thesis prints no
-    coefficients). Follows the data within 0.1 %.
+    linear there. The continuation of PRA-63 by US62 is an assumption (the thesis prints no
+    coefficients). The fit follows the data within 0.1 %.
     """
     tail = _us62_from(_US62_LAYERS_KM[0])
     pieces = [*_pra63_to(math.exp(tail[0].value[0])), *tail]
@@ -273,7 +273,7 @@ _EXPONENTIAL_KM = (
 
 @cache
 def pra63_exponential() -> Atmosphere:
-    """PRA-63 with US62 tail in the form of Eq. 2.12: exponential layers.
+    """Build PRA-63 with a US62 tail in the form of Eq. 2.12: exponential layers.
 
     rho = rho_ref exp(-(h - h_ref) / h_scale); printed without the minus. Layers start at
     60, 66, 90, 95 ... 130, 140, 150, 160, 180, 200 km and so on, below 60 km at the points
@@ -311,7 +311,7 @@ _US76_TURBOPAUSE = 86e3
 
 
 def _us76_low() -> list[_Piece]:
-    """Homosphere, 0 to 86 km: the hydrostatic equation in closed form per layer."""
+    """Build the homosphere, 0 to 86 km: the hydrostatic equation in closed form per layer."""
     pieces = []
     temperature, pressure = 288.15, 101325.0
     top = _R0 * _US76_TURBOPAUSE / (_R0 + _US76_TURBOPAUSE)
@@ -333,7 +333,7 @@ def _us76_low() -> list[_Piece]:
 
 
 def _us76_temperature(z: Array) -> tuple[Array, Array]:
-    """Kinetic temperature K and its gradient K/m above 86 km; section 1.2.5 of the source."""
+    """Compute kinetic temperature K and gradient K/m above 86 km; section 1.2.5 of the source."""
     reduced = (z - 91e3) / -19.9429e3
     root = np.sqrt(np.clip(1.0 - reduced**2, 1e-12, None))
     xi = (z - 120e3) * (_R0 + 120e3) / (_R0 + z)
@@ -353,14 +353,14 @@ def _us76_temperature(z: Array) -> tuple[Array, Array]:
 
 
 def _us76_eddy(z: Array) -> Array:
-    """Eddy diffusion, m2/s."""
+    """Compute the eddy diffusion coefficient, m2/s."""
     gap = 400.0 - (np.clip(z, 95e3, 115e3 - 1e-3) / 1e3 - 95.0) ** 2
     return np.where(z < 115e3, 120.0 * np.exp(1.0 - 400.0 / gap), 0.0)
 
 
 @dataclass(frozen=True)
 class _Gas:
-    """A minor gas of US76: molar mass, density at 86 km, tables 6 and 7 (km units)."""
+    """Hold a minor gas of US76: molar mass, density at 86 km, tables 6 and 7 (km units)."""
 
     mass: float
     base: float
@@ -389,7 +389,7 @@ _HYDROGEN_MASS = 1.00797
 
 
 def _us76_high() -> list[_Piece]:
-    """Heterosphere, 86 to 1000 km: diffusion of each gas integrated up from 86 km."""
+    """Build the heterosphere, 86 to 1000 km: diffusion of each gas integrated up from 86 km."""
     edges = (86e3, 100e3, 120e3, 1000e3)
     z = np.concatenate((np.arange(86e3, 150e3, 50.0), np.arange(150e3, 1000.1e3, 250.0)))
     dz = np.diff(z)
@@ -401,7 +401,7 @@ def _us76_high() -> list[_Piece]:
     mixed = np.where(0.5 * (z[1:] + z[:-1]) < edges[1], _M0, _NITROGEN_MASS)
 
     def upwards(separate: Array, background: Array) -> Array:
-        """Integral from 86 km of separate + background times the background's mass."""
+        """Integrate separate + background times the background's mass from 86 km up."""
         step = (
             0.5 * dz * (separate[1:] + separate[:-1] + mixed * (background[1:] + background[:-1]))
         )
@@ -464,14 +464,14 @@ def _us76_high() -> list[_Piece]:
 
 @cache
 def us76() -> Atmosphere:
-    """US Standard Atmosphere 1976, 0 to 1000 km.
+    """Build the US Standard Atmosphere 1976, 0 to 1000 km.
 
     Closed form up to 86 km; above, the diffusion equations of the source are integrated
     (N2, O, O2, Ar, He, H). Kinks at the layer boundaries are rounded over ``BLEND``.
     """
     low = _us76_low()
     high = _us76_high()
-    # the two halves differ by 1e-4 where they meet, as in the source; hold the lower one
+    # the halves differ by 1e-4 at 86 km, as in the source; shift the upper one
     shift = low[-1].value[-1] - high[0].value[0]
     high = [_Piece(piece.altitude, piece.value + shift, piece.slope) for piece in high]
     return Atmosphere("us76", _join([*low, *high], BLEND))
@@ -491,13 +491,13 @@ def nrlmsis(
     f107a: float,
     ap: float,
 ) -> Atmosphere:
-    """NRLMSIS 2.1 over one place at one time with fixed indices, 0 to 1000 km, offline.
+    """Build NRLMSIS 2.1 over one place at one time with fixed indices, 0 to 1000 km, offline.
 
     Args:
         epoch: UTC.
         latitude_deg: geodetic.
         longitude_deg: east positive.
-        f107: solar flux of the day before, 1e-22 W/m2/Hz.
+        f107: solar flux of the previous day, 1e-22 W/m2/Hz.
         f107a: its 81-day mean.
         ap: daily geomagnetic index.
 
@@ -526,9 +526,9 @@ def nrlmsis_tables(
     ap: Array,
     altitude_km: Array,
 ) -> Array:
-    """NRLMSIS 2.1 over one place at many times, each with its own indices, offline.
+    """Build NRLMSIS 2.1 over one place at many times, each with its own indices, offline.
 
-    Args: as :func:`nrlmsis`; epochs (UTC) and indices have shape (n,), altitudes (m,).
+    Args: as in :func:`nrlmsis`; epochs (UTC) and indices have shape (n,), altitudes (m,).
 
     Returns:
         shape (n, m, 5).
@@ -565,11 +565,11 @@ def nrlmsis_tables(
 
 
 def no_air() -> Atmosphere:
-    """Return no air: a logarithm so low that density, and heating with it, is 0."""
+    """Build a vacuum: a log density so low that density and heating are 0."""
     return Atmosphere("none", np.array([[0.0, _NO_AIR, 0.0, 0.0, 0.0]]))
 
 
-#: Models that need no more than their name.
+#: Models without parameters.
 FIXED_MODELS: dict[str, Callable[[], Atmosphere]] = {
     "pra63": pra63,
     "pra63_exponential": pra63_exponential,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file as its schema explains it: every key with what it is, its unit and its range.
+"""YAML files with comments from their schema: description, unit and range of every key.
 
-Nothing is said here that the models do not say: they hold descriptions, ranges and defaults.
+Descriptions, ranges and defaults come from the models only.
 """
 
 import json
@@ -19,35 +19,35 @@ from ares_models.input_file import KeyPath, unit_of
 _PLAIN_TEXT = re.compile(r"[A-Za-z][\w ,.;()/'-]*")
 _WORDS = {"null", "true", "false"}
 
-#: A key of the schema by the top-level key that it stands under, and its description.
-_Told = tuple[str, str, str | None]
+#: A key of the schema: its top-level key, its own name, its description.
+_SchemaKey = tuple[str, str, str | None]
 
 
 def commented(
     model: type[BaseModel], data: Mapping[str, Any], reasons: Mapping[KeyPath, str] | None = None
 ) -> str:
-    """Plain data as YAML with a comment on each key, where it stands for the first time.
+    """Write plain data as YAML with a comment on the first occurrence of each key.
 
-    Keys that the data leaves out follow commented out, with their default.
+    Keys that are missing in the data are written commented out, with their default.
 
     Args:
         model: the schema.
-        data: what the file holds; fits the schema.
-        reasons: of values, by their key paths; they stand in place of what the schema says.
+        data: content of the file; fits the schema.
+        reasons: comments that replace the schema's, by key path.
     """
     writer = _Writer(reasons or {}, set(_used(model, data)))
     return "\n".join(writer.mapping(model, data, ())) + "\n"
 
 
 def models_in(annotation: Any) -> list[type[BaseModel]]:
-    """The models that a type may be, in order."""
+    """List the models in a type annotation, in order."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for inner in get_args(annotation) for model in models_in(inner)]
 
 
 def allowed(annotation: Any, key: str) -> str:
-    """What a value may be, in words: ranges with their unit, choices; empty if it may be all."""
+    """Describe the allowed values: ranges with unit, choices; empty if anything is allowed."""
     unit = unit_of(key).replace(" in ", " ")
     found = dict.fromkeys(_limits(annotation))
     return " or ".join(f"{text}{unit}" if text[-1].isdigit() else text for text in found)
@@ -69,17 +69,17 @@ def _limits(annotation: Any) -> Iterator[str]:
 
 
 def _lists(annotation: Any) -> bool:
-    """Whether a type is a list of something, or may be one."""
+    """Return whether a type annotation is, or contains, a list."""
     return get_origin(annotation) is tuple or any(map(_lists, get_args(annotation)))
 
 
 def _form(models: Iterable[type[BaseModel]], data: Mapping[str, Any]) -> type[BaseModel]:
-    """The model whose keys a mapping has."""
+    """Find the first model that knows all keys of a mapping."""
     return next(model for model in models if set(data) <= set(model.model_fields))
 
 
-def _used(model: type[BaseModel], data: Mapping[str, Any], top: str = "") -> Iterator[_Told]:
-    """Everything that stands in a file."""
+def _used(model: type[BaseModel], data: Mapping[str, Any], top: str = "") -> Iterator[_SchemaKey]:
+    """List all keys of a file."""
     for key, value in data.items():
         info = model.model_fields[key]
         yield top or key, key, info.description
@@ -90,23 +90,23 @@ def _used(model: type[BaseModel], data: Mapping[str, Any], top: str = "") -> Ite
 
 
 class _Writer:
-    """Lines of a file, and what has been told in them."""
+    """Write the lines of a file, each comment once."""
 
-    def __init__(self, reasons: Mapping[KeyPath, str], used: set[_Told]) -> None:
+    def __init__(self, reasons: Mapping[KeyPath, str], used: set[_SchemaKey]) -> None:
         self._reasons = reasons
         self._used = used
-        self._told: set[_Told] = set()
+        self._written: set[_SchemaKey] = set()
         self._top = ""
 
     def mapping(
         self, model: type[BaseModel], data: Mapping[str, Any], path: KeyPath
     ) -> Iterator[str]:
-        """Lines of a mapping: what is in it, and commented out what is nowhere in the file."""
+        """Write a mapping; keys that occur nowhere in the file are commented out."""
         for key, info in model.model_fields.items():
             self._top = str(path[0]) if path else key
             if key in data:
                 yield from self._value(key, info, data[key], (*path, key))
-            elif (self._top, key, info.description) not in self._used | self._told:
+            elif (self._top, key, info.description) not in self._used | self._written:
                 yield from (f"# {line}" for line in self._left_out(key, info))
 
     def _value(self, key: str, info: FieldInfo, value: Any, path: KeyPath) -> Iterator[str]:
@@ -135,7 +135,7 @@ class _Writer:
             yield from self._left_out(key, info)
 
     def _left_out(self, key: str, info: FieldInfo) -> Iterator[str]:
-        """A key with its default."""
+        """Write a missing key with its default."""
         annotation = info.rebuild_annotation()
         default = None if info.is_required() else info.default
         comment = self._comment(key, info, None)
@@ -152,25 +152,25 @@ class _Writer:
                 yield from (f"  {line}" for line in lines)
 
     def _comment(self, key: str, info: FieldInfo, reason: str | None) -> str:
-        told = (self._top, key, info.description)
-        if reason is None and told not in self._told:
+        entry = (self._top, key, info.description)
+        if reason is None and entry not in self._written:
             limits = allowed(info.rebuild_annotation(), key)
             reason = "; ".join(filter(None, (info.description, limits)))
-        self._told.add(told)
+        self._written.add(entry)
         return f"  # {reason}" if reason else ""
 
 
 def _item(lines: Iterable[str]) -> Iterator[str]:
-    """Lines of a mapping as an item of a list."""
+    """Indent the lines of a mapping as an item of a list."""
     first, *rest = lines
     yield f"  - {first}"
     yield from (f"    {line}" for line in rest)
 
 
 def scalar(value: Any) -> str:
-    """A value on one line, as YAML 1.2 reads it."""
+    """Format a value on one line of YAML 1.2."""
     if isinstance(value, tuple) and len(value) == 1:
-        # one for all
+        # one value for all components
         return scalar(value[0])
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(scalar, value)) + "]"

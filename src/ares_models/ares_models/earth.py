@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figure and the rotation of the Earth (Eqs. 2.14 to 2.16)."""
+"""Figure and rotation of the Earth (Eqs. 2.14 to 2.16)."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ares_models.kernels import states
 
 @dataclass(frozen=True)
 class LaunchAngles:
-    """An inertial state as a flight plan gives it.
+    """Hold an inertial state as radius, place, speed, flight-path angle and azimuth.
 
     Attributes:
         radius: m.
@@ -31,7 +31,7 @@ class LaunchAngles:
     azimuth: float
 
     def state(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
+        """Return position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
         r, v = states.state_from_angles(
             self.radius,
             self.latitude,
@@ -44,7 +44,7 @@ class LaunchAngles:
 
     @classmethod
     def from_state(cls, position: ArrayLike, velocity: ArrayLike) -> "LaunchAngles":
-        """The angles of a state: position m, velocity m/s, each shape (3,)."""
+        """Compute the angles of a state: position m, velocity m/s, each shape (3,)."""
         r = np.asarray(position, dtype=np.float64)
         v = np.asarray(velocity, dtype=np.float64)
         return cls(
@@ -56,7 +56,7 @@ class LaunchAngles:
 
 @dataclass(frozen=True)
 class Earth:
-    """Ellipsoid of revolution that turns about z.
+    """Hold an ellipsoid of revolution that rotates about z.
 
     Attributes:
         equatorial_radius: m.
@@ -72,32 +72,32 @@ class Earth:
 
     @property
     def flattening(self) -> float:
-        """Eq. 2.16."""
+        """Return the flattening, Eq. 2.16."""
         return (self.equatorial_radius - self.polar_radius) / self.equatorial_radius
 
     def surface_radius(self, latitude: float) -> float:
-        """Distance of the surface from the centre, m, at a geocentric latitude in rad.
+        """Return the radius of the surface, m, at a geocentric latitude, rad.
 
-        The subtrahend of Eq. 2.15 (bracket as it must be, see
+        The subtrahend of Eq. 2.15 (with the bracket corrected, see
         :func:`ares_models.kernels.environment.altitude`).
         """
         k = 1.0 - (1.0 - self.flattening) ** 2
         return self.polar_radius / math.sqrt(1.0 - k * math.cos(latitude) ** 2)
 
     def geodetic_latitude(self, latitude: float) -> float:
-        """Geodetic latitude of the surface point at a geocentric latitude, both rad."""
+        """Convert the geocentric latitude of a surface point to geodetic, both rad."""
         ratio = (1.0 - self.flattening) ** 2
         return math.atan2(math.sin(latitude), ratio * math.cos(latitude))
 
     def geocentric_latitude(self, geodetic_latitude: float) -> float:
-        """Geocentric latitude of the surface point at a geodetic latitude, both rad."""
+        """Convert the geodetic latitude of a surface point to geocentric, both rad."""
         ratio = (1.0 - self.flattening) ** 2
         return math.atan2(ratio * math.sin(geodetic_latitude), math.cos(geodetic_latitude))
 
     def latitude_longitude(
         self, position: ArrayLike, time: float, angle_at_zero: float | None = None
     ) -> tuple[float, float]:
-        """Geocentric latitude and longitude under an inertial position.
+        """Compute geocentric latitude and longitude of an inertial position.
 
         Args:
             position: inertial, m, shape (3,).
@@ -120,7 +120,7 @@ class Earth:
         time: float,
         angle_at_zero: float | None = None,
     ) -> NDArray[np.float64]:
-        """Inertial position over a place at a time, m, shape (3,); Eq. 2.14 times radius.
+        """Compute the inertial position over a place, m, shape (3,); Eq. 2.14 times radius.
 
         Args:
             latitude: geocentric, rad.

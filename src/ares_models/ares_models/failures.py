@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can fail on the way: one failure, as the vehicle suffers it and an optimizer may know of it.
+"""Failures in flight, for the simulator and for an optimizer that foresees them.
 
-A burn here is all arcs of a stage that follow one another without a coast: an engine cut-off or a
-shift of the mixture ratio does not end it. Engines that give less do so in all that the stage has
-left to burn.
+A burn here is all consecutive arcs of a stage without a coast between them: an engine cut-off or a
+shift of the mixture ratio does not end it. Weakened engines stay weak in all remaining burns of
+their stage.
 """
 
 import math
@@ -13,28 +13,28 @@ from enum import StrEnum
 from ares_models.arrays import BURN
 from ares_models.mission import Mission
 
-#: Least and greatest ratio of what engines give after a failure.
+#: Least and greatest ratio of thrust and mass flow, after a failure over before.
 RATIOS = (0.01, 2.0)
 
 
 class FailureError(ValueError):
-    """A failure that cannot be; the text is one line."""
+    """Report an impossible failure; the text is one line."""
 
 
 class FailureKind(StrEnum):
-    """What fails, and what the vehicle then does by itself.
+    """Name the kinds of failure and the vehicle's own reaction.
 
     Attributes:
-        ENGINE_OUT: from `time_s` on the burn gives `thrust_ratio` of its thrust and of its mass
-            flow, and goes on until its propellant is spent: an arc of fixed length lasts until
-            it has burnt what it should have.
-        THRUST_LOW: from `time_s` on `thrust_ratio` of the thrust and `flow_ratio` of the mass flow.
-        EARLY_SHUTDOWN: the burn ends at `time_s`. The next arc begins at once, and what the stage
-            had left drops with it; after the last burn there is no thrust any more.
-        FAILED_IGNITION: burn `arc` never gives thrust; the next arc begins when it should have
-            ignited.
-        STUCK_THROTTLE: from `time_s` on the throttle of the burn stays where it is.
-        STUCK_JETTISON: `jettison` never goes.
+        ENGINE_OUT: from `time_s` on thrust and mass flow are multiplied by `thrust_ratio`; the
+            burn lasts until depletion, and an arc of fixed length until it has burnt its
+            planned propellant.
+        THRUST_LOW: from `time_s` on thrust is multiplied by `thrust_ratio` and mass flow by
+            `flow_ratio`.
+        EARLY_SHUTDOWN: the burn ends at `time_s`. The next arc begins at once, and remaining
+            propellant is dropped with the stage; after the last burn there is no more thrust.
+        FAILED_IGNITION: burn `arc` never ignites; the next arc begins at its planned ignition.
+        STUCK_THROTTLE: from `time_s` on the throttle of the burn does not move.
+        STUCK_JETTISON: `jettison` is never dropped.
     """
 
     ENGINE_OUT = "engine_out"
@@ -47,13 +47,13 @@ class FailureKind(StrEnum):
 
 @dataclass(frozen=True)
 class Failure:
-    """One failure of one flight.
+    """Hold the failure of a flight.
 
     Attributes:
-        kind: what fails.
-        time_s: when, mission elapsed time; nan where the kind has none.
-        arc: index of the burn that does not ignite; -1 where the kind has none.
-        jettison: index of the one that does not go; -1 where the kind has none.
+        kind: of the failure.
+        time_s: mission elapsed time of the failure; nan if the kind has none.
+        arc: index of the burn that does not ignite; -1 if the kind has none.
+        jettison: index of the stuck jettison; -1 if the kind has none.
         thrust_ratio: thrust after over thrust before.
         flow_ratio: mass flow after over mass flow before.
     """
@@ -66,7 +66,7 @@ class Failure:
     flow_ratio: float = 1.0
 
 
-#: What is said of a failure in a text, by kind: field of Failure by its key.
+#: Keys of a failure's text by kind, each with its field of Failure.
 _TIME = {"time": "time_s"}
 KEYS: dict[FailureKind, dict[str, str]] = {
     FailureKind.ENGINE_OUT: _TIME | {"thrust_ratio": "thrust_ratio"},
@@ -79,10 +79,10 @@ KEYS: dict[FailureKind, dict[str, str]] = {
 
 
 def read_failure(text: str) -> Failure:
-    """A failure as it is written: KIND:KEY=NUMBER,... such as engine_out:time=200,thrust_ratio=0.8.
+    """Parse the text KIND:KEY=NUMBER,... such as engine_out:time=200,thrust_ratio=0.8.
 
     Raises:
-        FailureError: naming what is wrong and what was expected.
+        FailureError: naming the wrong part and the expected one.
     """
     word, _, rest = text.partition(":")
     if word not in list(FailureKind):
@@ -106,10 +106,10 @@ def read_failure(text: str) -> Failure:
 
 
 def check_failure(failure: Failure, mission: Mission) -> None:
-    """See that a failure can happen in a mission.
+    """Check that a failure can happen in a mission.
 
     Raises:
-        FailureError: naming the value and what was expected.
+        FailureError: naming the wrong value and the expected one.
     """
     kind = failure.kind
     begins = mission.initial_state.time_s

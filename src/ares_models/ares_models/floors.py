@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How low a flight may be, arc by arc."""
+"""Floors: least altitude and perigee, arc by arc."""
 
 import math
 from typing import NamedTuple
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from ares_models.arrays import BURN, COAST, MissionArrays
 from ares_models.kernels.environment import log_density
 
-#: kg/m3; what is thinner is no air: that of the US Standard Atmosphere 1976 at 100 km.
+#: Density at the edge of the air, kg/m3: US Standard Atmosphere 1976 at 100 km.
 THIN = 5.605e-7
 _HIGHEST = 1e6  # m
 
 
 class Floor(NamedTuple):
-    """What an arc must keep to.
+    """Hold the floor of an arc.
 
     Attributes:
         arc: index into the mission's arcs.
-        altitude_m: least altitude all along it; nan: none is asked for.
-        perigee_m: least radius of the perigee of the orbit in which it is flown; nan: none.
-        said: the mission file asks for it. Else a coast that begins below is let be.
+        altitude_m: least altitude all along the arc; nan: none.
+        perigee_m: least perigee radius of the arc's orbit; nan: none.
+        said: given by the mission file. A default floor is waived for a coast that begins below.
     """
 
     arc: int
@@ -32,7 +32,7 @@ class Floor(NamedTuple):
 
 
 def edge_of_air(arrays: MissionArrays) -> float:
-    """Return the altitude at which the air of a mission has become thin, m; 0 without air."""
+    """Return the altitude at which a mission's air has the density THIN, m; 0 without air."""
     level = math.log(THIN) - math.log(float(arrays.environment[0]["density_factor"]))
     low, high = 0.0, _HIGHEST
     if log_density(low, arrays.atmosphere)[0] <= level:
@@ -47,11 +47,11 @@ def edge_of_air(arrays: MissionArrays) -> float:
 
 
 def orbits_of(arrays: MissionArrays, start: NDArray[np.void]) -> dict[int, NDArray[np.void]]:
-    """Return the orbits that coasts from the start on name: by arc, shape (1,), dtype TARGET.
+    """Return the prescribed orbits of the coasts ahead: by arc, shape (1,), dtype TARGET.
 
     Args:
         arrays: the mission.
-        start: shape (1,), dtype NAVIGATION. The orbit of a coast that has begun is as it is.
+        start: shape (1,), dtype NAVIGATION. A coast that has begun is not included.
     """
     ahead = range(int(start["arc"][0]) + 1, len(arrays.arcs))
     orbits = {k: arrays.arcs["orbit"][k : k + 1] for k in ahead}
@@ -61,7 +61,7 @@ def orbits_of(arrays: MissionArrays, start: NDArray[np.void]) -> dict[int, NDArr
 def floors_of(arrays: MissionArrays, start: NDArray[np.void]) -> tuple[Floor, ...]:
     """Return the floors of the arcs from the start on.
 
-    A free coast after a burn stays above the air, unless the file says otherwise.
+    A free coast after a burn stays above the edge of the air unless the file has another floor.
 
     Args:
         arrays: the mission.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of axes as 3x3 matrices (Eqs. 2.6 to 2.11).
+"""Transformations between axes as 3x3 matrices (Eqs. 2.6 to 2.11).
 
-A matrix ``T_b_from_a`` turns the components of a vector in axes a into those in axes b;
-its columns are the unit vectors of a, written in b (Eq. 2.6). It is orthonormal, so the
-way back is the transpose (Eq. 2.7).
+A matrix ``T_b_from_a`` converts the components of a vector in axes a to those in axes b; its
+columns are the unit vectors of a in components of b (Eq. 2.6). It is orthonormal, so its inverse is
+the transpose (Eq. 2.7).
 """
 
 import math
@@ -18,7 +18,7 @@ Matrix = NDArray[np.float64]
 
 
 def transformation(axes: Sequence[ArrayLike]) -> Matrix:
-    """Transformation whose columns are three unit vectors, Eq. 2.6.
+    """Build the transformation with three unit vectors as columns, Eq. 2.6.
 
     Args:
         axes: the unit vectors of the old axes, in components of the new ones; each (3,).
@@ -30,15 +30,15 @@ def transformation(axes: Sequence[ArrayLike]) -> Matrix:
 
 
 def inverse(matrix: Matrix) -> Matrix:
-    """The way back, Eq. 2.7: the transpose."""
+    """Return the inverse of a transformation: its transpose, Eq. 2.7."""
     return matrix.T.copy()
 
 
 def inertial_from_relative_velocity(position: ArrayLike, relative_velocity: ArrayLike) -> Matrix:
-    """Relative-velocity axes to inertial axes, Eqs. 2.8 to 2.11.
+    """Build the transformation from relative-velocity axes to inertial axes, Eqs. 2.8 to 2.11.
 
-    i along the velocity against the air, j horizontal (r cross V_rel), k = i cross j. The
-    print calls k "upward"; with this j it is i x (r x i) = r - (r . i) i and so it is.
+    i along the velocity relative to the air, j horizontal (r cross V_rel), k = i cross j. The
+    thesis calls k "upward"; with this j it is i x (r x i) = r - (r . i) i, which is upward.
 
     Args:
         position: inertial, m, shape (3,).
@@ -48,7 +48,7 @@ def inertial_from_relative_velocity(position: ArrayLike, relative_velocity: Arra
         Shape (3, 3), T_inertial_from_relative.
 
     Raises:
-        ValueError: the velocity is zero or along the position, so that no axes exist.
+        ValueError: the velocity is zero or parallel to the position, so that no axes exist.
     """
     r = np.asarray(position, dtype=np.float64)
     v = np.asarray(relative_velocity, dtype=np.float64)
@@ -66,7 +66,7 @@ def inertial_from_relative_velocity(position: ArrayLike, relative_velocity: Arra
 
 
 def inertial_from_east_north_up(latitude: float, right_ascension: float) -> Matrix:
-    """East, north, up axes at a place to inertial axes.
+    """Build the transformation from east, north, up axes at a place to inertial axes.
 
     Args:
         latitude: geocentric, rad.
@@ -81,7 +81,7 @@ def inertial_from_east_north_up(latitude: float, right_ascension: float) -> Matr
 def earth_fixed_from_inertial(
     time: float, rotation_rate: float, angle_at_zero: float = 0.0
 ) -> Matrix:
-    """Inertial axes to axes that turn with the Earth about z.
+    """Build the transformation from inertial axes to Earth-fixed axes, rotating about z.
 
     The thesis' inertial x axis passes through zero longitude at mission time 0
     (section 2.4), which is ``angle_at_zero`` = 0.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Places on the Earth that turns: Earth-fixed positions, geodetic coordinates."""
+"""Places on the rotating Earth: Earth-fixed positions, geodetic coordinates."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,15 @@ from ares_models.kernels import states
 
 Array = NDArray[np.float64]
 
-#: Latitude is found to this, rad: a hundredth of a micrometre on the ground.
+#: Tolerance of the latitude, rad: a hundredth of a micrometre on the ground.
 _LATITUDE = 1e-15
-#: Iterations at most; three do near the Earth.
+#: Largest number of iterations; three suffice near the Earth.
 _MOST = 30
 
 
 @dataclass(frozen=True)
 class Places:
-    """Places over an ellipsoid, each shape (n,): what maps and navigation receivers show.
+    """Hold geodetic places over an ellipsoid, each shape (n,).
 
     Attributes:
         latitude_deg: geodetic.
@@ -34,10 +34,9 @@ class Places:
 
 
 def earth_fixed(time: Array, position: Array, earth: Earth) -> Array:
-    """Earth-fixed positions of inertial ones, shape (n, 3), m.
+    """Convert inertial positions to Earth-fixed ones, shape (n, 3), m.
 
-    Where the mission does not say otherwise, the inertial x axis points to longitude zero at
-    mission time 0, as in the thesis.
+    By default the inertial x axis points to longitude zero at mission time 0, as in the thesis.
 
     Args:
         time: mission elapsed time, shape (n,), s.
@@ -52,12 +51,12 @@ def earth_fixed(time: Array, position: Array, earth: Earth) -> Array:
 
 
 def geodetic(time: Array, position: Array, earth: Earth) -> Places:
-    """Geodetic places of inertial positions, on the mission's own ellipsoid.
+    """Convert inertial positions to geodetic places on the mission's own ellipsoid.
 
-    Bowring's equation, by way of the parametric latitude, until it stands: one step, as most
-    libraries take, is off by tens of metres at the height of geostationary satellites.
+    Iterates Bowring's equation for the parametric latitude to convergence: a single step, as in
+    most libraries, is off by tens of metres at the height of geostationary satellites.
 
-    Args: as for :func:`earth_fixed`.
+    Args: as in :func:`earth_fixed`.
     """
     x, y, z = earth_fixed(time, position, earth).T
     a, b = earth.equatorial_radius, earth.polar_radius
@@ -72,7 +71,7 @@ def geodetic(time: Array, position: Array, earth: Earth) -> Places:
         parametric = np.arctan2(b * np.sin(latitude), a * np.cos(latitude))
         if np.all(np.abs(parametric - before) < _LATITUDE):
             break
-    # along the normal: no division by what is small at a pole or at the equator
+    # along the normal: no division by a small number at a pole or at the equator
     foot = a * np.cos(parametric), b * np.sin(parametric)
     height = (across - foot[0]) * np.cos(latitude) + (z - foot[1]) * np.sin(latitude)
     return Places(np.degrees(latitude), np.degrees(np.arctan2(y, x)), height)
@@ -81,7 +80,7 @@ def geodetic(time: Array, position: Array, earth: Earth) -> Places:
 def earth_fixed_place(
     latitude_deg: float, longitude_deg: float, height_m: float, earth: Earth
 ) -> Array:
-    """Earth-fixed position of a geodetic place, shape (3,), m."""
+    """Convert a geodetic place to an Earth-fixed position, shape (3,), m."""
     latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
     a, b = earth.equatorial_radius, earth.polar_radius
     parametric = np.arctan2(b * np.sin(latitude), a * np.cos(latitude))
@@ -102,8 +101,8 @@ def velocity_over_ground(
     Args:
         latitude_deg: geodetic.
         longitude_deg: east of zero.
-        speed_m_s: relative to the Earth that turns.
-        elevation_deg: above the plane that touches the ellipsoid.
+        speed_m_s: relative to the rotating Earth.
+        elevation_deg: above the tangent plane of the ellipsoid.
         azimuth_deg: from north towards east.
     """
     latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
@@ -119,12 +118,12 @@ def inertial_state(
 ) -> tuple[Array, Array]:
     """Return the inertial position (m) and velocity (m/s) of an Earth-fixed state, each (3,).
 
-    V = V_rel + omega x r, Eq. 2.4 the other way.
+    V = V_rel + omega x r, the inverse of Eq. 2.4.
 
     Args:
         time: mission elapsed time, s.
         position: Earth-fixed, m, shape (3,).
-        velocity: relative to the Earth that turns, Earth-fixed components, m/s, shape (3,).
+        velocity: relative to the rotating Earth, Earth-fixed components, m/s, shape (3,).
         earth: its rotation.
     """
     rate = earth.rotation_rate

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a flight falls, in words that people use: latitude, longitude, the area it is in."""
+"""Impact of a flight: latitude, longitude and the protected area that it lies in."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from ares_models.mission import Mission
 
 Array = NDArray[np.float64]
-#: Corners of an area for a chart, latitude and longitude in deg; the first again at the end.
+#: Corners of an area for a chart, latitude and longitude in deg; closed by the first corner.
 Outline = tuple[tuple[float, float], ...]
-#: Points of a circle, and on each edge of a polygon, for a chart.
+#: Number of points of a circle, and of each edge of a polygon, for a chart.
 _ROUND, _EDGE = 72, 12
 
 
 @dataclass(frozen=True)
 class Impact:
-    """Where a vehicle without thrust meets the ground, without air.
+    """Hold the impact of a vehicle without thrust and without air drag.
 
     Attributes:
         time_s: mission elapsed time.
         latitude_deg: geodetic.
         longitude_deg: positive to the east, -180 to 180.
-        area: name of the area it is in; None: outside of all.
-        outside_m: from the nearest area, over the ground; less than 0 inside; inf: there is none.
+        area: name of the area that contains it; None: outside all areas.
+        outside_m: distance to the nearest area over the ground; negative inside; inf: no area.
     """
 
     time_s: float
@@ -43,7 +43,7 @@ class Impact:
 
     @property
     def place(self) -> str:
-        """Latitude and longitude for people."""
+        """Return latitude and longitude as a text such as "28.50 N 80.60 W"."""
         north = "S" if self.latitude_deg < 0.0 else "N"
         east = "W" if self.longitude_deg < 0.0 else "E"
         return f"{abs(self.latitude_deg):.2f} {north} {abs(self.longitude_deg):.2f} {east}"
@@ -56,18 +56,18 @@ def find_impact(
     environment: Record,
     areas: Sequence[str] = (),
 ) -> Impact | None:
-    """Where a state falls; None where it never does.
+    """Find the impact of a state; None if it has none.
 
     Args:
         position: inertial, m, shape (3,).
         velocity: inertial, m/s, shape (3,).
         time_s: mission elapsed time.
         environment: record ENVIRONMENT.
-        areas: their names.
+        areas: names of the areas.
     """
     r = (float(position[0]), float(position[1]), float(position[2]))
     v = (float(velocity[0]), float(velocity[1]), float(velocity[2]))
-    # a kernel takes a record by itself only out of an array
+    # numba accepts a record only as an element of an array
     record = np.asarray(environment).reshape(1)[0]
     span, down = fall(r, v, record)
     if not math.isfinite(span):
@@ -85,7 +85,7 @@ def find_impact(
 
 
 def outlines(mission: "Mission") -> dict[str, Outline]:
-    """The areas of a mission for a chart, by name."""
+    """Return the outlines of a mission's areas for a chart, by name."""
     record = mission.environment_array()[0]
     found = {}
     for name, area in zip(mission.area_names, record["areas"], strict=False):
@@ -98,7 +98,7 @@ def outlines(mission: "Mission") -> dict[str, Outline]:
 
 
 def _place(direction: Iterable[float], record: Record) -> tuple[float, float]:
-    """Geodetic latitude and longitude of a point of the ground, deg."""
+    """Return geodetic latitude and longitude of a direction from the centre, deg."""
     x, y, z = (float(component) for component in direction)
     latitude = math.atan2(z, math.hypot(x, y))
     if record["altitude_model"] != ALTITUDE_SPHERICAL:

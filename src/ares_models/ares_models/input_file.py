@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a file that people write: YAML 1.2 scalars, no surprises, errors that name the line."""
+"""Reader of input files: YAML 1.2 scalars, no anchors or tags, errors that name the line."""
 
 import difflib
 import os
@@ -13,8 +13,7 @@ from typing import Any
 
 import yaml
 
-#: A file of this size, with so many values so deep in each other, is read within seconds,
-#: whatever is in it.
+#: Bounds on size, number of values and nesting, so that any file is read within seconds.
 MAX_BYTES = 1 << 18
 MAX_VALUES = 1 << 15
 MAX_DEPTH = 32
@@ -36,28 +35,28 @@ _PLAIN_TAGS = {
 }
 
 
-#: So many problems of a file are told at a time: a long list may be wrong from end to end.
-_TOLD = 20
+#: Largest number of problems in one message: every element of a long list may be wrong.
+_MOST_PROBLEMS = 20
 
-#: Keys that say the same in other words, by the word that stands there instead, and how.
+#: Known keys for quantities under another name, with a note on the difference.
 _COUNTED = ", which counts from the centre"
 _SAME = {"altitude": ("radius_m", _COUNTED), "height": ("radius_m", _COUNTED)}
 
 
 class InputError(ValueError):
-    """A file cannot be used; the text is one line, with all that is wrong.
+    """Report an unusable file with all its problems in one line.
 
     Attributes:
-        source: the file or name that was asked for.
-        problems: every problem found, each one line with its key path.
+        source: the requested file or name.
+        problems: all problems, each one line with its key path.
     """
 
     def __init__(self, source: str, problems: Sequence[str]) -> None:
         self.source = source if source.isprintable() else repr(source)
         self.problems = tuple(problems)
-        more = len(self.problems) - _TOLD
+        more = len(self.problems) - _MOST_PROBLEMS
         tail = f"; and {more} more" if more > 0 else ""
-        super().__init__(f"{self.source}: {'; also '.join(self.problems[:_TOLD])}{tail}")
+        super().__init__(f"{self.source}: {'; also '.join(self.problems[:_MOST_PROBLEMS])}{tail}")
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, tuple[str, ...]]]:
         return type(self), (self.source, self.problems)
@@ -65,12 +64,12 @@ class InputError(ValueError):
 
 @dataclass(frozen=True)
 class InputKind:
-    """A kind of file.
+    """Describe a kind of input file.
 
     Attributes:
-        name: what one holds, in a word: `mission`.
-        error: raised for a bad one.
-        package: where the shipped ones are.
+        name: of the kind, one word such as `mission`.
+        error: raised for a bad file.
+        package: with the shipped files.
         folder: folder of that package.
         may_be_empty: an empty file is a mapping without keys.
     """
@@ -82,20 +81,20 @@ class InputKind:
     may_be_empty: bool = False
 
     def shipped(self) -> tuple[str, ...]:
-        """Names of the files that come with the package, sorted."""
+        """Return the names of the shipped files, sorted."""
         folder = resources.files(self.package).joinpath(self.folder)
         return tuple(
             sorted(item.name[: -len(".yaml")] for item in folder.iterdir() if _is_yaml(item.name))
         )
 
     def find(self, name_or_path: str | Path) -> Path:
-        """File of a shipped name or of a path.
+        """Find the file of a shipped name or of a path.
 
         Args:
-            name_or_path: what holds a path separator or ends in .yaml or .yml is a path.
+            name_or_path: a text with a path separator or with the ending .yaml or .yml is a path.
 
         Raises:
-            InputError: neither; the text names those that are shipped.
+            InputError: neither; the text names the shipped files.
         """
         text = str(name_or_path)
         looks_like_path = (
@@ -105,7 +104,7 @@ class InputKind:
         if text in shipped and not isinstance(name_or_path, Path):
             folder = resources.files(self.package).joinpath(self.folder)
             return Path(str(folder.joinpath(f"{text}.yaml")))
-        # a long name is no error here; a folder is told of as one by whoever reads it
+        # os.path.exists accepts over-long names; the reader reports a folder
         if looks_like_path or os.path.exists(text):  # noqa: PTH110
             return Path(text)
         close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
@@ -121,7 +120,7 @@ def _is_yaml(name: str) -> bool:
 
 
 def format_path(path: KeyPath) -> str:
-    """A key path as a person writes it: ``stages[0].arcs[1].thrust_n``."""
+    """Format a key path, such as ``stages[0].arcs[1].thrust_n``."""
     text = ""
     for part in path:
         if isinstance(part, int):
@@ -133,7 +132,7 @@ def format_path(path: KeyPath) -> str:
 
 
 def format_number(value: float) -> str:
-    """A number of few digits as a person writes it: ``1e9``."""
+    """Format a number of few digits without padding of the exponent, such as ``1e9``."""
     return re.sub(r"e([-+])0*", lambda found: f"e{found[1]}".rstrip("+"), f"{value:g}")
 
 
@@ -142,7 +141,7 @@ def _short(text: str) -> str:
 
 
 def format_value(value: object) -> str:
-    """A value for an error message, short and on one line."""
+    """Format a value for an error message, short and on one line."""
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, (list, tuple)):
@@ -155,15 +154,15 @@ def format_value(value: object) -> str:
 
 
 def _open_at_once(path: str, flags: int) -> int:
-    """A file that has nothing to give does not keep its reader waiting."""
+    """Open a file without blocking, for the argument ``opener`` of :func:`open`."""
     return os.open(path, flags | os.O_NONBLOCK)
 
 
 def _read_text(path: Path, kind: InputKind) -> str:
-    """Text of a plain file: no device, no pipe, which might never end.
+    """Read the text of a regular file; a device or a pipe might never end.
 
     Raises:
-        InputError: not one, or one that is too large.
+        InputError: not a regular file, or too large.
         OSError, ValueError: it cannot be opened, or is not text.
     """
     source = str(path)
@@ -183,11 +182,11 @@ def _read_text(path: Path, kind: InputKind) -> str:
 
 
 class _TooMuch(Exception):
-    """What a file has too much of; the text goes behind its name."""
+    """Report a size limit that is exceeded; the text is appended to the file's name."""
 
 
 class _Loader(yaml.BaseLoader):
-    """Composes within bounds: what is read ahead of a nested list grows with its square."""
+    """Compose YAML within bounds: the look-ahead of nested lists grows with their square."""
 
     depth = 0
     values = 0
@@ -212,13 +211,13 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
 
     Args:
         path: the file.
-        kind: what it should be.
+        kind: expected kind of file.
 
     Returns:
         The mapping, and the line (from 1) of every key path.
 
     Raises:
-        InputError: unreadable, not YAML, not a mapping; with the line where there is one.
+        InputError: unreadable, not YAML, not a mapping; with the line if known.
     """
     return parse_input(read_text(path, kind), str(path), kind)
 
@@ -226,10 +225,10 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
 def read_text(path: Path, kind: InputKind) -> str:
     """Read the text of a file.
 
-    Args: as :func:`read_input`.
+    Args: as in :func:`read_input`.
 
     Raises:
-        InputError: it cannot be read, or is no text, or too large.
+        InputError: it cannot be read, is not text, or is too large.
     """
     source = str(path)
     expected = f"expected a YAML {kind.name} file"
@@ -250,15 +249,15 @@ def read_text(path: Path, kind: InputKind) -> str:
 def parse_input(
     text: str, source: str, kind: InputKind
 ) -> tuple[dict[str, Any], dict[KeyPath, int]]:
-    """Turn the text of a file into plain data, as :func:`read_input` does.
+    """Parse the text of a file into plain data, as :func:`read_input` does.
 
     Args:
         text: of the file.
-        source: what errors call it.
-        kind: what it should be.
+        source: name of the file in errors.
+        kind: expected kind of file.
 
     Raises:
-        InputError: not YAML, not a mapping, too much; with the line where there is one.
+        InputError: not YAML, not a mapping, or too large; with the line if known.
     """
     if len(text) > MAX_BYTES:
         raise kind.error(source, [f"is larger than {MAX_BYTES} bytes; not a {kind.name} file"])
@@ -273,7 +272,7 @@ def parse_input(
         what = " ".join(str(error).split())
         raise kind.error(source, [f"not valid YAML: {what}"]) from error
     except (ValueError, OverflowError) as error:
-        # an escape beyond the last character
+        # an escape beyond the last Unicode character
         raise kind.error(source, [f"not valid YAML: {error}"]) from error
     except _TooMuch as error:
         raise kind.error(source, [f"{error}; not a {kind.name} file"]) from error
@@ -386,7 +385,7 @@ _EXPECTED: dict[str, str] = {
 
 
 def unit_of(key: str | int) -> str:
-    """Unit of a number by the ending of its key, such as " in kg"; empty if it has none."""
+    """Return the unit of a number by the ending of its key, such as " in kg", or ""."""
     if isinstance(key, str):
         for ending, unit in _UNITS.items():
             if key.endswith(ending):
@@ -413,9 +412,9 @@ def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -
 
 
 def by_cause(errors: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Elements of ``ValidationError.errors()``, keys first that are not known where one is missing.
+    """Sort ``ValidationError.errors()``: unknown keys first if a key is missing beside them.
 
-    A key that is misspelt is both, and the word that stands there says more.
+    A misspelt key causes both errors, and the unknown key is the more helpful one.
     """
     lacking = {item["loc"][:-1] for item in errors if item["type"] == "missing"}
     return sorted(
@@ -429,16 +428,16 @@ def explain(
     lines: Mapping[KeyPath, int],
     siblings: Callable[[KeyPath], Sequence[str]],
 ) -> str:
-    """One pydantic error as one line of ours.
+    """Explain a pydantic error in one line.
 
     Args:
         item: element of ``ValidationError.errors()``.
-        lines: line of every key path, of :func:`read_input`.
-        siblings: keys that the mapping around a location may have.
+        lines: line of every key path, from :func:`read_input`.
+        siblings: function that returns the known keys of the mapping around a location.
     """
     kind = item["type"]
     context: dict[str, Any] = item.get("ctx", {})
-    # marks of the form that was tried are no keys; a key that is not known may look like one
+    # tags of union members are no keys; only the last part may be an unknown key like a tag
     own = len(item["loc"]) - 1 if kind == "extra_forbidden" else -1
     place = tuple(
         part
@@ -474,7 +473,7 @@ def explain(
 
 
 def _meant(word: str, known: Sequence[str]) -> str:
-    """Find the key that a word may stand for: the same quantity, then what is spelled like it."""
+    """Suggest known keys for an unknown one: the same quantity, else a similar spelling."""
     quantity = _quantity(word)
     same = [key for key in known if _quantity(key) == quantity]
     kinds = [key for key in known if f"_{quantity}_" in f"_{_quantity(key)}_"]
@@ -485,18 +484,18 @@ def _meant(word: str, known: Sequence[str]) -> str:
 
 
 def _quantity(key: str) -> str:
-    """Drop the unit at the end of a key, whether it is one of ours or not: `km`, `deg`, `m_s`."""
+    """Remove the unit at the end of a key, known or not, such as `km`, `deg`, `m_s`."""
     return re.sub(r"(?<=[a-z])(_m)?_(deg|k?[a-zA-Z]\d?)(_s2?)?$", "", key)
 
 
 def at_line(place: KeyPath, text: str, lines: Mapping[KeyPath, int]) -> str:
-    """Return a text behind the line, if it is known, and the key that it is about."""
+    """Prefix a text with the line, if known, and the key that it concerns."""
     line = _line(place, lines)
     return f"line {line}: {format_path(place)} {text}" if line else f"{format_path(place)} {text}"
 
 
 def _line(place: KeyPath, lines: Mapping[KeyPath, int]) -> int | None:
-    """Line of a key, or of the nearest thing around it."""
+    """Return the line of a key, or of the innermost enclosing key with a known line."""
     for end in range(len(place), 0, -1):
         if place[:end] in lines:
             return lines[place[:end]]

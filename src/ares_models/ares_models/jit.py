@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one decorator under which every compiled kernel of the project lives."""
+"""Decorators of all compiled kernels of the project."""
 
 import importlib.util
 import os
@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 
 from ares_models.kernel_cache import PREFIX, VARIABLE, choose_folder, read_package, state_of
 
-# numba reads it when it is imported
+# numba reads the variable at its import
 if not os.environ.get(VARIABLE):
     os.environ[VARIABLE] = str(choose_folder())
 
@@ -28,7 +28,7 @@ numba.types.NamedTuple.mangling_args = property(  # type: ignore[assignment, met
 
 IEEE = {"error_model": "numpy"}
 _lock = threading.RLock()
-#: Copies by name, with the states of what in them is not of this project.
+#: Specialised copies by name, with the source states of kernels from other projects in them.
 _copies: dict[str, set[str]] = {}
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
@@ -36,46 +36,46 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 def kernel(function: _Function) -> _Function:
     """Compile ``function`` with numba, cached on disk, with IEEE arithmetic.
 
-    Division by zero gives inf or nan as in NumPy; a kernel raises no Python
-    exception and reports trouble in what it returns. It works on arrays that it is handed and
-    counts no references to them; one that makes arrays is :func:`allocating`.
+    Division by zero gives inf or nan as in NumPy; a kernel raises no Python exception and
+    reports errors in its return value. It works on arrays of its caller and counts no references
+    to them; a kernel that makes arrays needs :func:`allocating`.
     """
     return _compiled(function, counts_references=False)
 
 
 def allocating(function: _Function) -> _Function:
-    """A kernel that makes arrays of its own."""
+    """Compile a kernel that makes arrays of its own."""
     return _compiled(function, counts_references=True)
 
 
 def _compiled(function: _Function, counts_references: bool) -> _Function:
     if function.__module__ in _copies:
-        # numba names the file of the machine code after source file and function
+        # numba derives the name of the cache file from source file and function name
         function.__qualname__ = f"{function.__module__}.{function.__qualname__}"
     options: dict[str, Any] = {**IEEE, "nogil": True, "_nrt": counts_references}
     return cast(_Function, Kernel(function, options))
 
 
 def inlined(function: _Function) -> _Function:
-    """A kernel that is written out in each caller.
+    """Compile a kernel by inlining it in each caller.
 
-    For a function that puts records into a tuple: numba hands such a tuple to a function, but
-    cannot return it from one.
+    Needed for a function that builds a tuple of records: numba can pass such a tuple to a
+    function, but not return it from one.
     """
     options: dict[str, Any] = {**IEEE, "inline": "always", "_nrt": False}
     return cast(_Function, numba.njit(**options)(function))
 
 
 def specialised(module: str, suffix: str, **names: object) -> ModuleType:
-    """A module of kernels once more, in which some names mean something else.
+    """Import a copy of a module of kernels with some of its names replaced.
 
-    numba compiles a call into its caller: who calls something else is another kernel, with
-    machine code of its own.
+    numba compiles a call into its caller: a caller of another kernel needs machine code of its
+    own.
 
     Args:
         module: full name of the module.
-        suffix: what the name of the copy ends with.
-        names: kernels and numbers, by the names in the module that they replace.
+        suffix: end of the copy's name.
+        names: replacements, kernels and numbers, by name in the module.
     """
     states = _states_of_others(names.values())
     name = "_".join([module, suffix, *sorted(states)])
@@ -94,7 +94,7 @@ def specialised(module: str, suffix: str, **names: object) -> ModuleType:
 
 
 def _states_of_others(values: Iterable[object]) -> set[str]:
-    """States of the sources of kernels that the folder of the cache does not depend on."""
+    """Return the source states of kernels that the name of the cache folder does not cover."""
     states: set[str] = set()
     for module in {value.__module__ for value in values if callable(value)}:
         package = module.partition(".")[0]
@@ -108,7 +108,7 @@ def _states_of_others(values: Iterable[object]) -> set[str]:
 
 
 def _state_of_package(origin: Path, name: str) -> str:
-    """State of a package, or of a module that is one file."""
+    """Return the source state of a package or of a single-file module."""
     if origin.name == "__init__.py":
         return state_of(read_package(origin.parent))
     return state_of({name: origin.read_text("utf-8")})

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schemas of the files that people write as JSON Schema, for editors.
+"""JSON Schema of the input files, for editors.
 
-A schema knows keys, types, ranges and choices, not what several keys must be together: the
-loaders have the last word.
+A schema covers keys, types, ranges and choices, but not relations between keys: only the loaders
+check those.
 """
 
 import json
@@ -13,11 +13,11 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema(model: type[BaseModel], title: str) -> str:
-    """Text of a JSON Schema file.
+    """Write the text of a JSON Schema file.
 
     Args:
         model: the schema.
-        title: what a file of it is.
+        title: of the schema.
     """
     schema = {"$schema": DIALECT, **model.model_json_schema(), "title": title}
     return json.dumps(schema, indent=2) + "\n"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one judge, for people and programs: what was reached, what is off, and what is short of it.
+"""The judge of a flight's end: outcome, errors against the target, lack of speed.
 
-A flight, a campaign, an abort map and the proof of an optimum ask it alike.
+Flights, campaigns, abort maps and the proof of an optimum all use it.
 """
 
 import math
@@ -24,29 +24,29 @@ JUDGEMENT = np.dtype(JUDGED, align=True)
 
 
 class End(StrEnum):
-    """What is reached, the best first."""
+    """Name the outcomes of a flight, the best first."""
 
-    #: all that the target names, within the tolerances
+    #: all elements that the target names, within their tolerances
     TARGET = "target"
-    #: plane, radius and angle, or perigee, of the target with less speed, and a safe perigee; or
-    #: one that is no lower than the target's, where that is below the limit
+    #: the target's plane, radius and angle (or perigee) at less speed, with a safe perigee; or, if
+    #: the target's own perigee is below the safe limit, a perigee no lower than the target's
     LOWERED = "lowered"
-    #: another orbit with a perigee above the limit
+    #: another orbit with a perigee above the safe limit
     SAFE_ORBIT = "safe_orbit"
-    #: none that lasts, or the ground
+    #: an orbit that does not last, or the ground
     SUBORBITAL = "suborbital"
 
     @property
     def rank(self) -> int:
-        """0 for the best."""
+        """Return the rank of the outcome, 0 for the best."""
         return list(End).index(self)
 
 
 class Figure(NamedTuple):
-    """A figure that a target may be met by.
+    """Describe a quantity that a target may constrain.
 
     Attributes:
-        name: of the fields of TARGET and, with _error and _allowed, of JUDGED.
+        name: of its field in TARGET and, with _error and _allowed, in JUDGED.
         bit: NAMES_*.
         unit: m, m/s, deg, 1 or m2/s2.
     """
@@ -57,16 +57,16 @@ class Figure(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Its name with the unit behind it."""
+        """Return the name with the unit as suffix."""
         return self.name + self.suffix
 
     @property
     def suffix(self) -> str:
-        """Its unit at the end of a name."""
+        """Return the unit as the suffix of a name."""
         return _SUFFIXES[self.unit]
 
     def in_unit(self, value: float) -> float:
-        """Return a value in SI and rad in the unit."""
+        """Convert a value from SI and rad to the figure's unit."""
         return math.degrees(value) if self.unit == "deg" else float(value)
 
 
@@ -89,17 +89,16 @@ FIGURES = (
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the judge says of the end of a flight.
+    """Hold the judgement of a flight's end.
 
     Attributes:
-        end: what was reached.
-        names: NAMES_* of what the target is met by.
-        errors: flown minus target, by :attr:`Figure.key`, of what the target is met by.
-        allowed: how much of each.
-        lacking_m_s: speed that its energy is short of, where the target is lowest; less than 0:
-            more than was asked for.
-        perigee_altitude_m: over the equatorial radius.
-        apogee_altitude_m: the same; inf for an escape.
+        end: outcome.
+        names: NAMES_* of the figures that the target constrains.
+        errors: flown minus target of these figures, by :attr:`Figure.key`.
+        allowed: tolerance of each.
+        lacking_m_s: speed deficit of the energy, at the target's lowest point; negative: surplus.
+        perigee_altitude_m: above the equatorial radius.
+        apogee_altitude_m: above the equatorial radius; inf for an escape.
     """
 
     end: End
@@ -111,12 +110,12 @@ class Judgement:
     apogee_altitude_m: float
 
     def error_of(self, name: str) -> tuple[float, float]:
-        """Return the error of a figure, by its :attr:`Figure.name`, and how much is allowed."""
+        """Return error and tolerance of a figure by its :attr:`Figure.name`."""
         key = next(figure.key for figure in FIGURES if figure.name == name)
         return self.errors[key], self.allowed[key]
 
     def misses(self) -> list[str]:
-        """Return what is off by more than is allowed, one text each."""
+        """Return one text for each error beyond its tolerance."""
         return [
             f"{key} off by {error:.3g}, allowed {self.allowed[key]:.3g}"
             for key, error in self.errors.items()
@@ -124,7 +123,7 @@ class Judgement:
         ]
 
     def reached(self) -> str:
-        """Return the end in a few words."""
+        """Return the outcome in a few words."""
         if not math.isfinite(self.perigee_altitude_m):
             return "no orbit"
         perigee = f"perigee {self.perigee_altitude_m / 1e3:,.1f} km"
@@ -160,7 +159,7 @@ def judge(
         target: record TARGET.
         mu: m3/s2.
         ground_m: equatorial radius.
-        grounded: whether the flight went below its ground or its floor.
+        grounded: the flight went below the ground or its floor.
     """
     r, v = ((float(x), float(y), float(z)) for x, y, z in (position, velocity))
     row = np.zeros(1, JUDGEMENT)[0]
@@ -178,7 +177,7 @@ def judge(
 
 
 def left_on(jettisoned: int, names: Sequence[str]) -> tuple[str, ...]:
-    """Return what should have been jettisoned and was not.
+    """Return the names of the jettisons that were not dropped.
 
     Args:
         jettisoned: bit k: jettison k is done.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where compiled kernels are kept: one folder per state of what they are made from.
+"""Cache folder of compiled kernels, one per state of their sources.
 
-numba compiles what a kernel calls, and the constants it reads, into the kernel, but its own
-cache looks at the kernel's file only. Standard library only: the preparation of a workspace
-loads this file before there is any package.
+numba compiles called kernels and constants into a kernel, but its own cache checks only the
+kernel's file. Standard library only: the preparation of a workspace loads this file before any
+package is installed.
 """
 
 import hashlib
@@ -19,11 +19,11 @@ from contextlib import suppress
 from importlib.machinery import FileFinder
 from pathlib import Path
 
-#: The environment variable that numba reads; whoever sets it decides.
+#: Environment variable of numba's cache folder; a value set by the user has priority.
 VARIABLE = "NUMBA_CACHE_DIR"
-#: Packages whose modules can hold kernels, by the beginning of their names.
+#: Prefix of packages whose modules can hold kernels.
 PREFIX = "ares_"
-#: Folders of other states that nobody has used for so long are dropped, s.
+#: Age at which unused folders of other states are removed, s.
 KEPT = 30 * 86400.0
 
 _KERNEL = re.compile(r"^@kernel\b", re.MULTILINE)
@@ -32,10 +32,10 @@ _IMPORT = re.compile(r"^import[ \t]+([.\w]+)", re.MULTILINE)
 
 
 def state_of(texts: Mapping[str, str]) -> str:
-    """Digest of the modules with kernels and of all modules that they import.
+    """Compute the digest of the modules with kernels and all modules that they import.
 
     Args:
-        texts: source by full name of the module; imports of other modules do not count.
+        texts: source by full name of the module; imports of other modules are ignored.
     """
     waiting = [name for name, text in texts.items() if _KERNEL.search(text)]
     seen: set[str] = set()
@@ -57,7 +57,7 @@ def state_of(texts: Mapping[str, str]) -> str:
 
 
 def _absolute(source: str, importer: str, modules: Mapping[str, str]) -> str:
-    """Resolve a relative import such as ``..arrays`` in the module that writes it."""
+    """Resolve a relative import such as ``..arrays`` in the importing module."""
     dots = len(source) - len(source.lstrip("."))
     if not dots:
         return source
@@ -68,7 +68,7 @@ def _absolute(source: str, importer: str, modules: Mapping[str, str]) -> str:
 
 
 def read_package(folder: Path) -> dict[str, str]:
-    """Sources of a package by full name of the module."""
+    """Read the sources of a package, by full name of the module."""
     texts = {}
     for path in folder.rglob("*.py"):
         relative = path.relative_to(folder.parent).with_suffix("")
@@ -78,7 +78,7 @@ def read_package(folder: Path) -> dict[str, str]:
 
 
 def installed_packages() -> list[Path]:
-    """Folders of the installed packages that can hold kernels; the first of a name counts."""
+    """Find the folders of installed packages that can hold kernels; the first of a name counts."""
     found = {
         entry.name: Path(entry.module_finder.path, entry.name)
         for entry in reversed(list(pkgutil.iter_modules()))
@@ -90,7 +90,7 @@ def installed_packages() -> list[Path]:
 
 
 def _private_folder() -> Path:
-    """A folder of this user's that can be written and that nobody else can."""
+    """Find a folder that this user, and no other, can write."""
     user = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
     for folder in (Path(user, "ares"), Path(tempfile.gettempdir(), f"ares-{os.getuid()}")):
         with suppress(OSError):
@@ -103,7 +103,7 @@ def _private_folder() -> Path:
 
 
 def choose_folder() -> Path:
-    """The folder for kernels as the installed sources are now; it is made if need be."""
+    """Create the cache folder for the present state of the installed sources, and return it."""
     texts: dict[str, str] = {}
     for package in installed_packages():
         texts |= read_package(package)

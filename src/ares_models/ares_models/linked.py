@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A kernel has two forms: what other kernels link, and what Python calls.
+"""Two forms of a kernel: bitcode that other kernels link, and machine code that Python calls.
 
-numba makes of every function both at once, and machine code of its own for each, though most
-kernels are called by kernels alone, with their code copied into the caller's. Here machine code,
-and what converts Python's arguments, is made only for a kernel that Python calls.
+numba makes both for every function, although most kernels are called only by other kernels, which
+copy their code. Here machine code, with the conversion of Python's arguments, is made only for a
+kernel that Python calls.
 """
 
 import threading
@@ -25,10 +25,10 @@ _lock = threading.Lock()
 
 
 class _LinkedLibrary(JITCodeLibrary):
-    """Bitcode for those who link it, and no machine code."""
+    """Hold bitcode for linking, without machine code."""
 
     def _optimize_final_module(self) -> None:
-        """Leave it to what Python calls, where all is optimised as one."""
+        """Skip the optimisation: the caller's library optimises all linked code at once."""
 
     def _finalize_final_module(self) -> None:
         module = self._final_module
@@ -36,7 +36,7 @@ class _LinkedLibrary(JITCodeLibrary):
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 function.linkage = "linkonce_odr"
         self._shared_module = module
-        # where numba keeps the environments of functions: it sets them, read or not
+        # numba writes the environment pointer of each function, even if nothing reads it
         names = [each.name for each in module.global_variables]
         self._final_module = llvm.parse_assembly(
             "\n".join(
@@ -49,10 +49,10 @@ class _LinkedLibrary(JITCodeLibrary):
 
 
 class _ClosedLibrary(JITCodeLibrary):
-    """Machine code that nobody links: nobody else calls the kernels in it.
+    """Hold machine code that no other library links.
 
-    Said so, they are copied into their callers, or get only the arguments that they read: a
-    sixth of a flight was handing over arrays.
+    Its kernels are marked internal, so that LLVM inlines them or drops unused arguments: passing
+    arrays took a sixth of a flight.
     """
 
     def _optimize_final_module(self) -> None:
@@ -63,7 +63,7 @@ class _ClosedLibrary(JITCodeLibrary):
 
 
 class _Compiler(Compiler):
-    """Compiles into a library of another kind."""
+    """Compile into a library of class ``kind``."""
 
     kind: type[JITCodeLibrary]
 
@@ -88,26 +88,26 @@ class _LinkedDispatcher(CPUDispatcher):
         self._cache = _Cache(self.py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Take a literal for a number: numba would compile the kernel anew for each."""
+        """Treat a literal as a number: numba would compile the kernel again for each value."""
         named = {name: types.unliteral(kind) for name, kind in kws.items()}
         return super().get_call_template([types.unliteral(kind) for kind in args], named)
 
 
 class _Cache(FunctionCache):
-    """Compiled kernels on disk; one that finds no room there is used all the same."""
+    """Cache compiled kernels on disk; a kernel that cannot be saved is used all the same."""
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """See the base class; numba leaves no part of a file behind."""
+        """Save a kernel if there is room; numba leaves no partial file."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
 
 class _MachineCode(_Cache):
-    """What is on disk, loaded without all that numba compiles with: 0.3 s of imports."""
+    """Load machine code from disk without importing numba's compiler (0.3 s)."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """See the base class; whoever compiles after all imports the rest then."""
-        # what kernels that make arrays call, and those that call them in turn
+        """Load a kernel; a later compilation imports the compiler then."""
+        # runtime functions that allocating kernels call, directly or indirectly
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
@@ -119,14 +119,14 @@ class _MachineCodeDispatcher(CPUDispatcher):
         self._cache = _MachineCode(function)
 
     def _compilation_chain_init_hook(self) -> None:
-        """Look for no extensions of numba in all that is installed: 0.02 s."""
+        """Skip the search for extensions of numba in all installed packages (0.02 s)."""
 
 
 class Kernel:
-    """What Python calls; kernels that call it link :attr:`linked`.
+    """Wrap a function for calls from Python; kernels that call it link :attr:`linked`.
 
-    It becomes one of numba's functions when it is called: to make that of each of some hundred
-    kernels, of which a process calls a few, takes 0.1 s.
+    numba's dispatcher is made at the first call: making those of some hundred kernels, of which a
+    process calls a few, takes 0.1 s.
     """
 
     def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
@@ -137,12 +137,12 @@ class Kernel:
         self._machine_code: CPUDispatcher | None = None
 
     def __call__(self, *arguments: object, **named: object) -> Any:
-        """As the function that it was made of."""
+        """Call the compiled function."""
         return (self._machine_code or self.machine_code)(*arguments, **named)
 
     @property
     def machine_code(self) -> CPUDispatcher:
-        """numba's function."""
+        """Return numba's dispatcher for calls from Python."""
         with _lock:
             if self._machine_code is None:
                 self._machine_code = _MachineCodeDispatcher(self.py_func, self._options)
@@ -150,7 +150,7 @@ class Kernel:
 
     @cached_property
     def linked(self) -> Any:
-        """The other form; most processes compile nothing."""
+        """Return numba's dispatcher for calls from kernels; made only when something compiles."""
         function = self.py_func
         copy = FunctionType(
             function.__code__,
@@ -159,7 +159,7 @@ class Kernel:
             function.__defaults__,
             function.__closure__,
         )
-        # numba names the file of what it caches after it
+        # numba derives the name of the cache file from it
         copy.__qualname__ = f"{function.__qualname__}.linked"
         dispatcher = _LinkedDispatcher(
             copy,

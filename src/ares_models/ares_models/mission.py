@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions: read, checked, and turned into the arrays that kernels take.
+"""Missions: read from a file, checked, and converted to the kernels' arrays.
 
-The file format is described key by key in ``docs/missions.md``.
+``docs/missions.md`` describes the file format key by key.
 """
 
 import math
@@ -71,26 +71,26 @@ __all__ = [
     "load_mission",
 ]
 
-#: Share of the last stage's mass (its own jettisons aside) that is taken as propellant
-#: where the file does not say. Guidance then never runs dry by a made-up number.
+#: Default propellant of a stage with a free burn, as a fraction of its ignition mass without its
+#: own jettisons; large, so that no invented limit ends a flight.
 DEFAULT_PROPELLANT_SHARE = 0.95
 
 Array = NDArray[np.float64]
 
 
 class MissionError(InputError):
-    """A mission cannot be used; the text is one line."""
+    """Report an unusable mission; the text is one line."""
 
 
 MISSION = InputKind("mission", MissionError, "ares_models", "missions")
 
-#: What a new mission is written from: a small launcher that arrives.
+#: Template of a new mission: a small launcher that reaches its target.
 TEMPLATE = Path(str(resources.files("ares_models").joinpath("data/template.yaml")))
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a mission begins.
+    """Hold the initial state of a mission.
 
     Attributes:
         time_s: mission elapsed time, s.
@@ -105,7 +105,7 @@ class Start:
     mass_kg: float
 
     def navigation(self) -> NDArray[np.void]:
-        """The state there as navigation has it, shape (1,), dtype NAVIGATION; heating unknown."""
+        """Return the navigation state, shape (1,), dtype NAVIGATION; its heating is unknown."""
         record = np.zeros(1, NAVIGATION)
         record["time"] = record["arc_start_time"] = self.time_s
         record["position"] = self.position
@@ -116,7 +116,7 @@ class Start:
 
 
 class Mission(Part):
-    """A mission as its file says it, checked."""
+    """Hold the checked content of a mission file."""
 
     name: Annotated[str, Field(strict=True, pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=64)] = (
         Field(description="at most 64 small letters, digits, underscores")
@@ -158,14 +158,14 @@ class Mission(Part):
 
     @property
     def stage_names(self) -> tuple[str, ...]:
-        """Names in flight order; ``ARC.stage`` is the index."""
+        """Return the names of the stages in flight order; ``ARC.stage`` is the index."""
         return tuple(stage.name for stage in self.stages)
 
     @property
     def arc_names(self) -> tuple[str, ...]:
-        """One name per arc in flight order: the arc's own, or the stage's.
+        """Return one name per arc in flight order: its own, or the stage's.
 
-        A burn that loses engines is two arcs, before and after.
+        A burn that loses engines is two arcs, before and after the loss.
         """
         names = []
         for stage in self.stages:
@@ -177,51 +177,51 @@ class Mission(Part):
 
     @property
     def area_names(self) -> tuple[str, ...]:
-        """Names of the areas that impacts are kept out of; their index in the kernels' arrays."""
+        """Return the names of the protected areas, in the order of the kernels' arrays."""
         return tuple(area.name for area in self.abort.avoid) if self.abort else ()
 
     @property
     def plans_arcs(self) -> bool:
-        """Whether guidance decides the end of more than the last arc."""
+        """Return whether arcs before the last are free."""
         arcs = [arc for stage in self.stages for arc in stage.flight_arcs]
         return any(arc.free for arc in arcs[:-1])
 
     @property
     def needs_plan(self) -> bool:
-        """Whether guidance flies by the optimizer's plan alone.
+        """Return whether guidance needs a plan of the optimizer.
 
-        It decides the ends of free arcs before the last, and where on its orbit the target is met
-        if that is free.
+        A plan fixes the ends of free arcs before the last, and the place of insertion on the
+        target orbit if that is free.
         """
         return self.plans_arcs or leaves_end_free(target_record(self)[0])
 
     @property
     def jettison_names(self) -> tuple[str, ...]:
-        """Names in the order of the file; the bits of ``jettisoned``."""
+        """Return the names of the jettisons in the order of the file and of ``jettisoned``."""
         return tuple(jettison.name for jettison in self.jettisons)
 
     @property
     def heating_limit_holds(self) -> HeatingLimitHolds:
-        """Whether the heating limit of the fairing is one of its jettison or of what follows."""
+        """Return when the heating limits hold: at the jettison, or from then until cut-off."""
         held = any(part.heating_limit_holds == "from_jettison" for part in self.jettisons)
         return "from_jettison" if held else "at_jettison"
 
     def jettison_mass(self, stage: int) -> float:
-        """Mass of the jettisons that belong to a stage, kg."""
+        """Return the mass of the jettisons of a stage, kg."""
         name = self.stages[stage].name
         return sum(jettison.mass_kg for jettison in self.jettisons if jettison.stage == name)
 
     def ignition_mass(self, stage: int) -> float:
-        """Return the mass of a stage and all above it when it begins, kg: as given, or by item."""
+        """Return the mass of a stage and all above it at its start, kg: as given, or by item."""
         return ignition_mass(self, stage)
 
     def fixed_propellant(self, stage: int) -> float:
-        """Return what the burns of fixed time of a stage take, kg."""
+        """Return the propellant of a stage's burns of fixed length, kg."""
         part = self.stages[stage]
         return part.fixed_propellant(self.environment.g0_m_s2, self.ignition_mass(stage))
 
     def ignition_times(self) -> tuple[float, ...]:
-        """Mission elapsed time of each stage's first ignition command, s, at the earliest."""
+        """Return the earliest mission elapsed time of each stage's first ignition command, s."""
         times = []
         now = self.initial_state.time_s
         for stage in self.stages:
@@ -234,15 +234,15 @@ class Mission(Part):
         return tuple(times)
 
     def propellant(self, stage: int) -> float:
-        """Usable propellant of a stage, kg: as given, or by default.
+        """Return the usable propellant of a stage, kg: as given, or by default.
 
-        The default is what the fixed burns take; with a free burn, 95 % of the stage's
-        ignition mass without its own jettisons.
+        The default is the propellant of the burns of fixed length; with a free burn, 95 % of the
+        stage's ignition mass without its own jettisons.
         """
         part = self.stages[stage]
         if part.propellant_kg is not None:
             if any(burn.thrust_table is not None for burn in part.burns):
-                # rounded, it must not end the table
+                # a rounded value must not end the burn before its table
                 return max(part.propellant_kg, self.fixed_propellant(stage))
             return part.propellant_kg
         if any(arc.free for arc in part.burns):
@@ -252,9 +252,9 @@ class Mission(Part):
 
     @property
     def zero_longitude_deg(self) -> float | None:
-        """Right ascension of longitude zero at mission time 0, deg; None: not known.
+        """Return the right ascension of longitude zero at mission time 0, deg; None: not known.
 
-        As the file gives it, or of the epoch, for a body that turns as the Earth does. The
+        It comes from the file, or from the epoch for a body with the Earth's rotation rate; the
         inertial x axis then points to the mean equinox of date.
         """
         given = self.environment.earth.zero_longitude_deg
@@ -265,7 +265,7 @@ class Mission(Part):
         return greenwich_sidereal_time_deg(self.epoch)
 
     def earth(self) -> Earth:
-        """Return figure and rotation of the body; longitude zero is at 0 where it is not known."""
+        """Return figure and rotation of the body; an unknown right ascension is taken as 0."""
         part = self.environment.earth
         return Earth(
             part.equatorial_radius_m,
@@ -275,12 +275,12 @@ class Mission(Part):
         )
 
     def start(self) -> Start:
-        """Time, position, velocity and mass at which the flight begins."""
+        """Return time, position, velocity and mass at the start of the flight."""
         position, velocity = self.initial_state.state(self.environment.mu_m3_s2, self.earth())
         return Start(self.initial_state.time_s, position, velocity, self.ignition_mass(0))
 
     def atmosphere(self) -> Atmosphere:
-        """The atmosphere; the density factor is not in it.
+        """Build the atmosphere, without the density factor.
 
         Raises:
             MissionError: a package that the model needs is missing.
@@ -298,11 +298,11 @@ class Mission(Part):
             raise MissionError(f"mission {self.name}", [str(error)]) from error
 
     def arrays(self, *, foreseen: bool = False) -> MissionArrays:
-        """The mission as kernels take it; fresh arrays that the caller may change.
+        """Compile the mission for the kernels, into new arrays that the caller may change.
 
         Args:
-            foreseen: as guidance expects it: no engine fails, and the burn after a failure
-                has no length until it has begun.
+            foreseen: as guidance expects the flight: no engine fails, and the burn after a
+                failure has length 0.
 
         Raises:
             MissionError: a package that the atmosphere needs is missing.
@@ -316,7 +316,7 @@ class Mission(Part):
         )
 
     def environment_array(self) -> NDArray[np.void]:
-        """Gravity, figure and rotation as kernels take them, shape (1,), dtype ENVIRONMENT."""
+        """Compile gravity, figure, rotation and areas, shape (1,), dtype ENVIRONMENT."""
         part = self.environment
         record = np.zeros(1, layout.ENVIRONMENT)
         record["mu"] = part.mu_m3_s2
@@ -336,11 +336,11 @@ class Mission(Part):
 
     @property
     def digest(self) -> str:
-        """Digest of all that the file says, but for comments and layout; 16 characters."""
+        """Return a digest of the file's content without comments and layout, 16 characters."""
         return sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
     def describe(self) -> dict[str, str]:
-        """Short texts for a listing: name, title, stages, jettisons, target, source."""
+        """Return short texts for a list: name, title, stages, jettisons, target, source."""
         return {
             "name": self.name,
             "title": self.title,
@@ -433,7 +433,7 @@ class Mission(Part):
 
 
 def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) -> NDArray[np.void]:
-    """The arc after an engine failure; the burn before it is shortened, unless foreseen."""
+    """Build the arc after an engine failure and, unless foreseen, shorten the burn before it."""
     after = before.copy()
     after["begins_stage"] = 0
     after["thrust"] *= failure.left
@@ -453,7 +453,7 @@ def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) 
 
 
 def list_missions() -> tuple[str, ...]:
-    """Names of the missions that come with the package, sorted."""
+    """Return the names of the shipped missions, sorted."""
     return MISSION.shipped()
 
 
@@ -461,12 +461,12 @@ def load_mission(name_or_path: str | Path) -> Mission:
     """Read and check a mission.
 
     Args:
-        name_or_path: name of a shipped mission, or path of a mission file. What holds a
-            path separator or ends in .yaml or .yml is a path.
+        name_or_path: name of a shipped mission, or path of a mission file. A text with a
+            path separator or with the ending .yaml or .yml is a path.
 
     Raises:
-        MissionError: one line that names the file, the key path, the value found and what
-            was expected.
+        MissionError: one line that names the file, the key path, the value found and the
+            expected one.
     """
     return read_mission(name_or_path)[0]
 
@@ -474,10 +474,10 @@ def load_mission(name_or_path: str | Path) -> Mission:
 def read_mission(name_or_path: str | Path) -> tuple[Mission, str]:
     """Read and check a mission; return it with the text of its file.
 
-    Args: as :func:`load_mission`.
+    Args: as in :func:`load_mission`.
 
     Raises:
-        MissionError: so too.
+        MissionError: as in :func:`load_mission`.
     """
     path = MISSION.find(name_or_path)
     text = read_text(path, MISSION)
@@ -485,14 +485,14 @@ def read_mission(name_or_path: str | Path) -> tuple[Mission, str]:
 
 
 def parse_mission(text: str, source: str) -> Mission:
-    """Check a mission that is given as the text of its file.
+    """Parse and check a mission from the text of its file.
 
     Args:
         text: of the file.
-        source: what errors call it.
+        source: name of the file in errors.
 
     Raises:
-        MissionError: one line, as of :func:`load_mission`.
+        MissionError: as in :func:`load_mission`.
     """
     data, lines = parse_input(text, source, MISSION)
     try:
@@ -503,7 +503,7 @@ def parse_mission(text: str, source: str) -> Mission:
 
 
 def _siblings(location: KeyPath) -> list[str]:
-    """Keys that the mapping around a location may have."""
+    """List the known keys of the mapping around a location."""
     model: Any = Mission
     for part in location[:-1]:
         if isinstance(part, str) and part.startswith("<"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Areas that impacts are kept out of: on the mission's own body, checked, as kernels take them."""
+"""Protected areas of a mission: checks, and conversion to the kernels' arrays."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -15,10 +15,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: An area lies within this angle of its centre, deg: of a larger one it could not be told which
-#: side is meant.
+#: Largest angle from an area's centre to its edge, deg; the inside of a larger one is ambiguous.
 MOST_ACROSS_DEG = 80.0
-#: Neighbouring corners are so far apart, deg.
+#: Least angle between neighbouring corners, deg.
 LEAST_EDGE_DEG = 0.01
 
 
@@ -26,7 +25,7 @@ def write_areas(mission: "Mission", record: NDArray[np.void]) -> None:
     """Write the areas of a mission with a section ``abort`` into its environment.
 
     Args:
-        mission: whose areas.
+        mission: with the areas.
         record: shape (1,), dtype ENVIRONMENT. Changed.
     """
     assert mission.abort is not None
@@ -46,7 +45,7 @@ def write_areas(mission: "Mission", record: NDArray[np.void]) -> None:
 
 
 def check_areas(mission: "Mission") -> None:
-    """Report areas that cannot be told from one another, have no place, or no inside."""
+    """Report areas with equal names, without a known longitude zero, or without a clear inside."""
     if mission.abort is None or not mission.abort.avoid:
         return
     if mission.zero_longitude_deg is None:
@@ -89,8 +88,7 @@ def _check_polygon(
             [list(corner) for corner in vertices],
             f"corners within {MOST_ACROSS_DEG:g} deg of their middle",
         )
-    # seen from the centre of the body great circles are straight lines: on the plane that touches
-    # the sphere at the middle the polygon is a flat one
+    # gnomonic projection to the tangent plane at the middle: great circles become straight lines
     flat = (corners / away[:, None]) @ _plane(middle).T
     crossing = _crossing(flat)
     if crossing is not None:
@@ -103,10 +101,10 @@ def _check_polygon(
 
 
 def _crossing(flat: Array) -> tuple[int, int] | None:
-    """Two edges of a flat polygon, by their first corners, that meet; None if none do.
+    """Find two crossing edges of a flat polygon, by their first corners; None if there are none.
 
     Args:
-        flat: corners in turn, shape (n, 2).
+        flat: corners in order, shape (n, 2).
     """
     n = len(flat)
 
@@ -125,7 +123,7 @@ def _crossing(flat: Array) -> tuple[int, int] | None:
 
 
 def _direction(mission: "Mission", latitude_deg: Any, longitude_deg: Any) -> Array:
-    """Unit vector from the centre to a place on the ground, in axes that turn with the body."""
+    """Return the unit vector from the centre to a place on the ground, in body-fixed axes."""
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     if mission.environment.altitude == "ellipsoid":
         latitude = mission.earth().geocentric_latitude(latitude)
@@ -140,7 +138,7 @@ def _radius(mission: "Mission") -> float:
 
 
 def _angle(mission: "Mission", area: AreaPart) -> float:
-    """Radius of a circle, rad."""
+    """Return the radius of a circle, rad."""
     assert area.radius_m is not None
     return area.radius_m / _radius(mission)
 
@@ -148,7 +146,7 @@ def _angle(mission: "Mission", area: AreaPart) -> float:
 def _middle(corners: Array) -> Array:
     mean = corners.mean(axis=0)
     length = float(np.linalg.norm(mean))
-    # corners all around the globe have none: any direction shows it
+    # corners all around the globe have no middle: any direction fails the check
     middle: Array = mean / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
     return middle
 
@@ -158,7 +156,7 @@ def _between(one: Array, other: Array) -> float:
 
 
 def _plane(normal: Array) -> Array:
-    """Two unit vectors normal to another and to each other, shape (2, 3)."""
+    """Return two unit vectors normal to ``normal`` and to each other, shape (2, 3)."""
     first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     first /= np.linalg.norm(first)
     return np.array([first, np.cross(normal, first)])

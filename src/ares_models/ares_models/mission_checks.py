@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only the whole mission can show: masses that close, times in order, a target in reach."""
+"""Checks across a whole mission: masses that close, times in order, a target in reach."""
 
 import math
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ MAX_STAGES = 8
 
 
 def check_mission(mission: "Mission") -> None:
-    """Run every check; the first problem is raised with its key path.
+    """Run every check and raise the first problem with its key path.
 
     Raises:
-        PydanticCustomError: a problem; turned into a MissionError by the loader.
+        PydanticCustomError: a problem; the loader converts it to a MissionError.
     """
     _check_names(mission)
     check_mass_forms(mission)
@@ -64,7 +64,7 @@ def _check_names(mission: "Mission") -> None:
 
 
 def _check_free_arcs(mission: "Mission") -> None:
-    """What guidance decides: at least one burn, and the flight ends with a burn."""
+    """Check that every stage burns, the last arc is a burn, and some burn is free and guided."""
     for i, stage in enumerate(mission.stages):
         last_stage = i == len(mission.stages) - 1
         if not stage.burns:
@@ -89,7 +89,7 @@ def _check_free_arcs(mission: "Mission") -> None:
 
 
 def _check_parking_orbits(mission: "Mission") -> None:
-    """Report a coast that names its orbit, with no burn before it to reach that."""
+    """Report a coast that prescribes its orbit without a burn before it."""
     burnt = False
     for i, stage in enumerate(mission.stages):
         for k, arc in enumerate(stage.flight_arcs):
@@ -145,7 +145,7 @@ def _check_jettison_times(mission: "Mission") -> None:
 
 
 def _check_jettison_before_free_arcs(mission: "Mission") -> None:
-    """A drop by the clock must not depend on an end that guidance decides."""
+    """Report a drop by the clock that could come after the end of a free arc."""
     for k, jettison in enumerate(mission.jettisons):
         path = ("jettisons", k)
         if jettison.time_s is not None:
@@ -162,7 +162,7 @@ def _check_jettison_before_free_arcs(mission: "Mission") -> None:
 
 
 def _fixed_time_after_ignition(stage: Stage) -> float:
-    """From a stage's first ignition to the earliest end of its first free arc, s."""
+    """Return the time from a stage's first ignition to the earliest end of a free arc, s."""
     room = 0.0
     lit = False
     for arc in stage.flight_arcs:
@@ -187,7 +187,7 @@ def _check_heating_limits(mission: "Mission") -> None:
                 jettison.heating_limit_w_m2,
                 "time_s or time_after_ignition_s in its place, because atmosphere.model is none",
             )
-        # the lowest limit is met last: it governs the rest of the flight
+        # heating falls: the lowest limit is reached last and governs the rest of the flight
         lowest = jettison.heating_limit_w_m2 == min(limits, default=None)
         if jettison.heating_limit_holds == "from_jettison" and not lowest:
             fail(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Masses of a mission: of each stage with all above it, or by item; whether they close.
+"""Masses of a mission, by stage with all above it or by item, and their balance.
 
-By item every mass stands once: dry mass, propellant and residuals of each stage, what is dropped,
-adapter and payload. What is ignited follows.
+In the form by item every mass is given once: dry mass, propellant and residuals of each stage,
+jettisons, adapter and payload; ignition masses follow.
 """
 
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ from ares_models.mission_parts import BurnArc, fail
 if TYPE_CHECKING:
     from ares_models.mission import Mission
 
-# file values are rounded; masses may miss each other by this much of themselves
+# relative tolerance of the mass balance, for rounded values in files
 _MASS_ROUNDING = 1e-6
 
 _LOADS = ("payload_kg", "adapter_kg")
@@ -20,10 +20,10 @@ _ITEMS = ("dry_mass_kg", "residuals_kg")
 
 
 def check_mass_forms(mission: "Mission") -> None:
-    """Report masses that are given in both forms, or in neither.
+    """Report masses that are given in both forms or in neither.
 
     Raises:
-        PydanticCustomError: so.
+        PydanticCustomError: a key is missing or excess.
     """
     whole = [i for i, stage in enumerate(mission.stages) if stage.ignition_mass_kg is not None]
     if whole:
@@ -61,7 +61,7 @@ def _check_no_items(mission: "Mission", expected: str) -> None:
 
 
 def ignition_mass(mission: "Mission", stage: int) -> float:
-    """Return the mass of a stage and everything above it at the moment it begins, kg."""
+    """Return the mass of a stage and everything above it at its start, kg."""
     part = mission.stages[stage]
     if part.ignition_mass_kg is not None:
         return part.ignition_mass_kg
@@ -74,10 +74,10 @@ def ignition_mass(mission: "Mission", stage: int) -> float:
 
 
 def check_masses(mission: "Mission") -> None:
-    """Report masses that do not close: what burns, what drops and what stays.
+    """Check the mass balance of each stage: propellant, jettisons and the stages above.
 
     Raises:
-        PydanticCustomError: they do not.
+        PydanticCustomError: it does not close.
     """
     stages = mission.stages
     for i, stage in enumerate(stages):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of a mission as validated data: what each key is, and its range.
+"""Parts of a mission as validated data: description and range of each key.
 
-A key that carries a number ends in its unit; ``_deg`` keys are for people, everything
-else is SI. Limits that concern several parts at once stand in ``mission_checks``.
+The key of a number ends in its unit; ``_deg`` keys are in degrees, everything else is SI. Checks
+across several parts are in ``mission_checks``.
 """
 
 import math
@@ -29,12 +29,12 @@ from ares_models.ranges import Range
 
 
 def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
-    """Report a problem that no single field can see.
+    """Raise a validation error that concerns more than a single field.
 
     Args:
-        path: key path from the model that is being validated.
-        value: what stands there.
-        expected: what should.
+        path: key path from the model under validation.
+        value: found value.
+        expected: expected value.
     """
     raise PydanticCustomError(
         "expected", "{expected}", {"path": path, "value": value, "expected": expected}
@@ -47,18 +47,17 @@ def _printable(text: str) -> str:
     return text
 
 
-# ---- every number that a file may hold, SI: wide enough for an apogee kick motor and for the
-# largest launcher ever drawn, and for bodies from a small moon to Jupiter
+# ---- ranges of all numbers of a file, SI: from an apogee kick motor to the largest launcher ever
+# designed, and from a small moon to Jupiter
 
-#: Longest flight, s: ten days from the initial state until the propellant of the free burn is
-#: gone.
+#: Longest flight from the initial state to the depletion of the free burn, s: ten days.
 MAX_FLIGHT_S = 864_000.0
 #: Shortest burn, coast or step of a thrust curve, s.
 MIN_TIME_S = 1e-3
-#: What NRLMSIS is asked for: 1e-22 W/m2/Hz, and a daily index.
+#: Indices of NRLMSIS: solar flux, 1e-22 W/m2/Hz, and daily geomagnetic index.
 SOLAR_FLUX = Range(30.0, 500.0)
 GEOMAGNETIC_INDEX = Range(0.0, 400.0)
-#: Years of an epoch.
+#: Range of years of an epoch.
 FIRST_YEAR, LAST_YEAR = 1900, 2200
 
 GravitationalParameter = Annotated[float, Range(1e9, 1e18)]
@@ -146,18 +145,18 @@ Moment = Annotated[
 
 
 class Part(BaseModel):
-    """Base of all parts: unknown keys, nan and infinity are refused."""
+    """Refuse unknown keys, nan and infinity; base of all parts."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def not_there(value: object) -> bool:
-    """Return whether an optional key is left out: with it a mission stays what it was before."""
+    """Return whether an optional key is absent, so that digests ignore keys added later."""
     return value is None
 
 
 def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:
-    """For editors: a mapping has the keys of one of these forms, none of them empty."""
+    """Build the JSON schema of a mapping with the non-empty keys of exactly one form."""
     filled = {"not": {"type": "null"}}
     return {
         "oneOf": [
@@ -167,7 +166,7 @@ def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:
 
 
 def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[Any], str | None]:
-    """Choose among forms of a mapping by the keys that are there."""
+    """Build a function that chooses the form of a mapping by its keys."""
 
     def choose(value: Any) -> str | None:
         for tag, form in forms.items():
@@ -187,7 +186,7 @@ def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[A
 
 
 class EarthPart(Part):
-    """Figure and rotation."""
+    """Hold figure and rotation of the body."""
 
     equatorial_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
     polar_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
@@ -213,7 +212,7 @@ _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 
 
 class AtmospherePart(Part):
-    """Which atmosphere; the indices are for nrlmsis, and only for it."""
+    """Select the atmosphere model; only nrlmsis has indices."""
 
     model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis", "none"] = Field(
         description="which atmosphere; nrlmsis takes place, day and activity from the keys below"
@@ -241,7 +240,7 @@ class AtmospherePart(Part):
 
 
 class EnvironmentPart(Part):
-    """Gravity, Earth, altitude rule, atmosphere."""
+    """Hold gravity, body, altitude model and atmosphere."""
 
     mu_m3_s2: GravitationalParameter = Field(description="gravitational parameter")
     g0_m_s2: StandardGravity = Field(
@@ -277,12 +276,12 @@ def _check_curve(
 
 
 def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
-    """Integral of a curve over its knots: of thrust fractions s of full thrust, of thrusts N s."""
+    """Integrate a curve over its knots: a thrust fraction to s, a thrust to N s."""
     return sum(0.5 * (t1 - t0) * (f0 + f1) for (t0, f0), (t1, f1) in pairwise(curve))
 
 
 class Table(NamedTuple):
-    """Thrust and mass flow of a solid motor over its burn, linear between common knots.
+    """Hold thrust and mass flow of a solid motor over its burn, linear between common knots.
 
     Attributes:
         time_s: since ignition, shape (n,).
@@ -295,17 +294,17 @@ class Table(NamedTuple):
 
     @property
     def impulse(self) -> float:
-        """Integral of the thrust, N s."""
+        """Integrate the thrust, N s."""
         return curve_area(tuple(zip(self.time_s, self.thrust_n, strict=True)))
 
     @property
     def propellant_kg(self) -> float:
-        """Integral of the mass flow."""
+        """Integrate the mass flow, kg."""
         return curve_area(tuple(zip(self.time_s, self.flow_kg_s, strict=True)))
 
 
 def _common_knots(*curves: tuple[tuple[float, float], ...]) -> list[tuple[float, ...]]:
-    """Return the curves on the knots of all, as (time, value of each); a jump is two knots."""
+    """Resample curves on their common knots, as (time, value of each); a jump is two knots."""
     times = sorted({t for curve in curves for t, _ in curve})
     sides = [[_sides(curve, t) for curve in curves] for t in times]
     knots = []
@@ -317,7 +316,7 @@ def _common_knots(*curves: tuple[tuple[float, float], ...]) -> list[tuple[float,
 
 
 def _sides(curve: tuple[tuple[float, float], ...], t: float) -> tuple[float, float]:
-    """Return the values of a curve just before and just after a time within it."""
+    """Return the values of a curve just before and just after a time."""
     at = [value for time, value in curve if time == t]
     if at:
         return at[0], at[-1]
@@ -329,7 +328,7 @@ def _sides(curve: tuple[tuple[float, float], ...], t: float) -> tuple[float, flo
 
 
 class EngineOut(Part):
-    """Engines lost during a burn; the others burn what is left of its propellant."""
+    """Hold an engine loss during a burn; the others burn the remaining propellant."""
 
     time_after_ignition_s: Duration = Field(description="engines are lost on the way, then")
     engines: Annotated[int, Range(2, 100)] = Field(description="of so many")
@@ -343,7 +342,7 @@ class EngineOut(Part):
 
     @property
     def left(self) -> float:
-        """Share of the thrust that is left."""
+        """Return the remaining fraction of the thrust."""
         return (self.engines - self.lost) / self.engines
 
 
@@ -351,7 +350,7 @@ _CIRCLE = ("latitude_deg", "longitude_deg", "radius_m")
 
 
 class AreaPart(Part):
-    """A part of the ground that nothing is to fall on: a circle, or a polygon."""
+    """Hold a protected area of the ground: a circle or a polygon."""
 
     model_config = ConfigDict(json_schema_extra=one_of(_CIRCLE, ("vertices_deg",)))
 
@@ -381,7 +380,7 @@ class AreaPart(Part):
 
 
 class AbortPart(Part):
-    """What is flown to where the target is out of reach."""
+    """Hold the aims for a target out of reach: a safe orbit, and areas to avoid."""
 
     safe_perigee_altitude_m: SafeAltitude = Field(
         description="least perigee of an orbit that is safe, above the equatorial radius"
@@ -394,7 +393,7 @@ class AbortPart(Part):
 
 
 def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | None) -> None:
-    """Report bounds of a time that is not free, or that leave nothing between them."""
+    """Report bounds of a time that is not free, or an upper bound below the lower."""
     for name, bound in (("min_s", min_s), ("max_s", max_s)):
         if bound is not None and time_s != "free":
             fail((name,), bound, f"no such key without {key}: free")
@@ -402,12 +401,12 @@ def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | N
         fail(("min_s",), min_s, f"at most max_s, {max_s} s")
 
 
-#: Keys of a burn that a table leaves nothing to say.
+#: Keys of a burn that a thrust table excludes.
 _NO_TABLE = (
     *("thrust_n", "burn_time_s", "min_s", "max_s", "max_acceleration_m_s2", "min_throttle"),
     *("start", "tail_off", "engine_out"),
 )
-#: What makes a burn: one of these.
+#: Required keys of a burn, in one of these forms.
 BURN_FORMS = (
     ("thrust_n", "isp_s", "burn_time_s"),
     ("thrust_table", "isp_s"),
@@ -416,7 +415,7 @@ BURN_FORMS = (
 
 
 class BurnArc(Part):
-    """A stretch of constant full thrust, of less once engines are lost, or throttled; or a solid.
+    """Hold a burn: liquid, perhaps throttled or with an engine loss, or solid.
 
     A solid motor burns by its table.
     """
@@ -474,10 +473,10 @@ class BurnArc(Part):
         return self
 
     def check_whole(self, beside: str = "a value") -> None:
-        """Report keys that do not fit each other.
+        """Report keys that contradict each other.
 
         Args:
-            beside: what is expected in place of a key that is missing.
+            beside: expected value of a missing key, for the message.
         """
         if self.thrust_table is not None:
             self._check_table(self.thrust_table)
@@ -493,7 +492,7 @@ class BurnArc(Part):
         self._check_curves()
 
     def _check_table(self, thrust: tuple[tuple[float, float], ...]) -> None:
-        """Report what does not fit a motor that burns by a table."""
+        """Report keys that contradict a thrust table, and errors in the tables."""
         for key in _NO_TABLE:
             if getattr(self, key) is not None:
                 fail((key,), getattr(self, key), "no such key beside thrust_table")
@@ -516,7 +515,7 @@ class BurnArc(Part):
     def _check_flow(
         self, thrust: tuple[tuple[float, float], ...], flow: tuple[tuple[float, float], ...]
     ) -> None:
-        """Report a mass flow that does not go with the thrust."""
+        """Report a mass flow table that does not match the thrust table."""
         path = ("mass_flow_table",)
         if flow[-1][0] != thrust[-1][0]:
             expected = f"a last time of {thrust[-1][0]:g} s, as of thrust_table"
@@ -587,12 +586,12 @@ class BurnArc(Part):
 
     @property
     def free(self) -> bool:
-        """Guidance decides the cut-off."""
+        """Return whether guidance decides the cut-off."""
         return self.burn_time_s == "free"
 
     @property
     def duration_s(self) -> float:
-        """From ignition command to cut-off command; inf if free."""
+        """Return the time from ignition command to cut-off command; inf if free."""
         if self.thrust_table is not None:
             return self.thrust_table[-1][0]
         if self.burn_time_s is None or self.burn_time_s == "free":
@@ -601,13 +600,13 @@ class BurnArc(Part):
 
     @property
     def full_thrust_n(self) -> float:
-        """Full thrust; of a table the largest."""
+        """Return the full thrust; of a table the largest."""
         if self.thrust_table is not None:
             return max(force for _, force in self.thrust_table)
         return self.thrust_n or math.nan
 
     def exhaust_velocity(self, g0: float) -> float:
-        """m/s: g0 Isp; of a table of its own the mean over the burn."""
+        """Return the exhaust velocity g0 Isp, m/s; with a mass flow table the mean of the burn."""
         if self.mass_flow_table is not None:
             table = self.table(g0)
             return table.impulse / table.propellant_kg
@@ -615,29 +614,29 @@ class BurnArc(Part):
 
     @property
     def start_loss_s(self) -> float:
-        """Seconds of full thrust lost at the start."""
+        """Return the impulse lost at the start, in s of full thrust."""
         return 0.0 if self.start is None else self.start[-1][0] - curve_area(self.start)
 
     @property
     def tail_gain_s(self) -> float:
-        """Seconds of full thrust that follow the cut-off command."""
+        """Return the impulse after the cut-off command, in s of full thrust."""
         return 0.0 if self.tail_off is None else curve_area(self.tail_off)
 
     @property
     def tail_s(self) -> float:
-        """How long thrust lasts after the cut-off command."""
+        """Return the length of the tail-off after the cut-off command."""
         return 0.0 if self.tail_off is None else self.tail_off[-1][0]
 
     def mass_flow(self, g0: float) -> float:
-        """kg/s at full thrust: T / (g0 Isp), Eq. 2.1."""
+        """Return the mass flow at full thrust, T / (g0 Isp), kg/s; Eq. 2.1."""
         return self.full_thrust_n / self.exhaust_velocity(g0)
 
     def propellant(self, g0: float, mass_kg: float) -> float:
-        """kg that a burn of fixed time takes, start and tail-off counted; inf if free.
+        """Compute the propellant of a burn with start and tail-off, kg; inf if free.
 
         Args:
             g0: m/s2.
-            mass_kg: at ignition; counts for a throttled burn only.
+            mass_kg: at ignition; needed for a throttled burn only.
         """
         if self.thrust_table is not None:
             return self.table(g0).propellant_kg
@@ -646,8 +645,8 @@ class BurnArc(Part):
         limit = self.max_acceleration_m_s2
         if limit is None or math.isinf(time):
             return flow * time
-        # full thrust down to the mass that meets the limit, then thrust in proportion to the
-        # mass down to the least thrust
+        # full thrust until the acceleration limit, constant acceleration until the least
+        # thrust, then least thrust
         least = self.least_throttle
         upper = min(mass_kg, self.full_thrust_n / limit)
         full = min(time, (mass_kg - upper) / flow)
@@ -663,16 +662,16 @@ class BurnArc(Part):
 
     @property
     def least_throttle(self) -> float:
-        """Fraction of full thrust below which the engine cannot be throttled."""
+        """Return the least throttle setting, a fraction of full thrust."""
         return 0.0 if self.min_throttle is None else self.min_throttle
 
 
-#: Keys of a coast that name the orbit it is flown on.
+#: Keys of a coast that prescribe its orbit.
 ORBIT_KEYS = ("perigee_altitude_m", "apogee_altitude_m", "inclination_deg")
 
 
 class CoastArc(Part):
-    """A stretch without thrust."""
+    """Hold an arc without thrust."""
 
     name: Name | None = Field(default=None, description="shown in events; default: the stage's")
     coast_s: FreeTime = Field(description="how long, or free")
@@ -723,17 +722,17 @@ class CoastArc(Part):
 
     @property
     def free(self) -> bool:
-        """Guidance decides when it ends."""
+        """Return whether guidance decides its end."""
         return self.coast_s == "free"
 
     @property
     def duration_s(self) -> float:
-        """How long; inf if free."""
+        """Return the length; inf if free."""
         return math.inf if self.coast_s == "free" else self.coast_s
 
 
 def shortest(arc: BurnArc | CoastArc) -> float:
-    """Least length of an arc, s."""
+    """Return the least length of an arc, s."""
     return (arc.min_s or 0.0) if arc.free else arc.duration_s
 
 
@@ -746,15 +745,15 @@ _SHORTHAND = tuple(key for key in BurnArc.model_fields if key != "name")
 
 
 def _of_burn(key: str, default: Any) -> Any:
-    """A key of a burn that a stage of one burn carries itself."""
+    """Copy the field of a burn for a stage of one burn."""
     of = BurnArc.model_fields[key]
     return Field(default=default, exclude_if=of.exclude_if, description=of.description)
 
 
 class Stage(Part):
-    """A stage: its mass at the moment it begins, and its arcs in order.
+    """Hold a stage: its mass at its start, and its arcs in order.
 
-    A stage of one burn may carry the keys of that burn itself, without ``arcs``.
+    A stage of one burn may have the keys of that burn itself, without ``arcs``.
     """
 
     model_config = ConfigDict(json_schema_extra=one_of(("arcs",), *BURN_FORMS))
@@ -814,24 +813,24 @@ class Stage(Part):
 
     @property
     def flight_arcs(self) -> tuple[BurnArc | CoastArc, ...]:
-        """The arcs in flight order, whichever way the file gives them."""
+        """Return the arcs in flight order, for both forms of a stage."""
         return self.arcs if self.arcs is not None else (self._single_arc(),)
 
     def arc_path(self, k: int, *keys: str | int) -> tuple[str | int, ...]:
-        """Key path of arc ``k`` within the stage."""
+        """Return the key path of arc ``k`` within the stage."""
         return ("arcs", k, *keys) if self.arcs is not None else keys
 
     @property
     def burns(self) -> tuple[BurnArc, ...]:
-        """The arcs with thrust."""
+        """Return the arcs with thrust."""
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
 
     def fixed_propellant(self, g0: float, mass_kg: float) -> float:
-        """Compute what the burns of fixed time take, kg.
+        """Compute the propellant of all burns of fixed length, kg.
 
         Args:
             g0: m/s2.
-            mass_kg: of the stage and all above it when it begins.
+            mass_kg: of the stage and all above it at its start.
         """
         used = 0.0
         for burn in self.burns:
@@ -844,7 +843,7 @@ HeatingLimitHolds = Literal["at_jettison", "from_jettison"]
 
 
 class Jettison(Part):
-    """Something dropped on the way, and when."""
+    """Hold a jettison: its mass and its criterion."""
 
     model_config = ConfigDict(
         json_schema_extra=one_of(("heating_limit_w_m2",), ("time_s",), ("time_after_ignition_s",))

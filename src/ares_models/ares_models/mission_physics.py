@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a mission can be flown at all: a body that holds together, engines, a flight that ends.
+"""Physical checks of a mission: the body, the engines, the length of the flight.
 
-Each number is within its own range by then; here they are seen together.
+Each number has passed its own range before; these checks combine several.
 """
 
 import math
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 SURFACE_GRAVITY = Range(0.05, 50.0)
 #: Smallest ratio of the polar to the equatorial radius; Saturn has 0.9.
 LEAST_ROUNDNESS = 0.5
-#: g0 Isp, m/s: from cold gas to ions.
+#: g0 Isp, m/s: from cold gas to ion engines.
 EXHAUST_VELOCITY = Range(100.0, 1e5)
-#: Thrust over mass when a burn's stage begins, m/s2; the fiercest missiles reach a tenth.
+#: Largest thrust over mass at the start of a stage, m/s2; the fastest missiles reach a tenth.
 MAX_ACCELERATION = 1e4
-#: Share of the last stage's ignition mass that is no propellant, at least.
+#: Least dry mass of the last stage, as a fraction of its ignition mass.
 LEAST_DRY_SHARE = 1e-3
 
 
 def check_body(mission: "Mission") -> None:
-    """Radii, gravity and rotation fit each other.
+    """Check radii, gravity and rotation of the body against each other.
 
     Raises:
-        PydanticCustomError: they do not.
+        PydanticCustomError: they contradict each other.
     """
     environment = mission.environment
     earth, mu = environment.earth, environment.mu_m3_s2
@@ -55,10 +55,10 @@ def check_body(mission: "Mission") -> None:
 
 
 def check_engines(mission: "Mission") -> None:
-    """Exhaust velocity, acceleration, and what the last stage weighs when it is empty.
+    """Check exhaust velocities, accelerations and the dry mass of the last stage.
 
     Raises:
-        PydanticCustomError: nothing flies like that.
+        PydanticCustomError: a value is out of bounds.
     """
     g0 = mission.environment.g0_m_s2
     for i, stage in enumerate(mission.stages):
@@ -93,17 +93,17 @@ def check_engines(mission: "Mission") -> None:
 
 
 def longest_flight(mission: "Mission") -> float:
-    """Length of the flight in which guidance never cuts off, s.
+    """Compute the length of the flight without a cut-off by guidance, s.
 
     Raises:
-        PydanticCustomError: it is too long, or ends in the start of its last burn.
+        PydanticCustomError: it is too long, or ends during the start of a free burn.
     """
     now = 0.0
     for i, stage in enumerate(mission.stages):
         for k, arc in enumerate(stage.flight_arcs):
             path = ("stages", i, *stage.arc_path(k))
             if isinstance(arc, BurnArc) and arc.free:
-                # the burns of a stage share its propellant: the last of them takes what is left
+                # the burns of a stage share its propellant: the last free one burns the rest
                 later = stage.flight_arcs[k + 1 :]
                 if not any(isinstance(other, BurnArc) and other.free for other in later):
                     now += _longest_free_burn(mission, i, arc, path, now)
@@ -122,7 +122,7 @@ def longest_flight(mission: "Mission") -> float:
 
 
 def _longest(burn: BurnArc) -> float:
-    """Length of a burn of fixed time, s, stretched by the engines that it loses."""
+    """Return the length of a burn of fixed length, s, extended by an engine loss."""
     failure = burn.engine_out
     if failure is None:
         return burn.duration_s
@@ -133,19 +133,19 @@ def _longest(burn: BurnArc) -> float:
 def _longest_free_burn(
     mission: "Mission", stage: int, burn: BurnArc, path: KeyPath, begin: float
 ) -> float:
-    """Length of the free burn, s, when it goes on until the propellant is gone.
+    """Return the length of a free burn until depletion, s.
 
     Args:
         mission: the mission.
-        stage: which.
+        stage: index of the stage.
         burn: the free burn.
         path: key path of the burn.
-        begin: s after the initial state.
+        begin: start of the burn, s after the initial state.
     """
     g0 = mission.environment.g0_m_s2
     left = mission.propellant(stage) - mission.fixed_propellant(stage)
     full_thrust = left / burn.mass_flow(g0)
-    # a start that outlasts the propellant never comes to full thrust
+    # depletion during the start: the burn never reaches full thrust
     started = 0.0 if burn.start is None else burn.start[-1][0]
     if burn.start is not None and full_thrust + burn.start_loss_s < started + MIN_TIME_S:
         fail(
@@ -164,10 +164,10 @@ def _longest_free_burn(
 
 
 def check_flight_time(mission: "Mission") -> None:
-    """The flight ends, and what is timed happens before it does.
+    """Check that the flight ends, and that timed jettisons come before its end.
 
     Raises:
-        PydanticCustomError: not so.
+        PydanticCustomError: it is too long, or a jettison comes later.
     """
     ignition = mission.ignition_times()
     end = mission.initial_state.time_s + longest_flight(mission)

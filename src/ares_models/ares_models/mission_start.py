@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission begins: the forms of an initial state, and what makes no sense in one.
+"""Initial state of a mission: its five forms, their checks and their conversion.
 
-Three forms are inertial, two are relative to the body that turns below.
+Three forms are inertial, two are relative to the rotating body.
 """
 
 import math
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: An ascent begins below this many Earth radii.
+#: Largest initial radius, in equatorial radii.
 MAX_INITIAL_RADII = 10.0
-#: From the centre, of an initial state by elements, m.
+#: Least perigee radius of an initial state by elements, m.
 LEAST_PERIGEE_M = 1.0
 
 Position = tuple[Coordinate, Coordinate, Coordinate]
@@ -48,12 +48,12 @@ StartAltitude = Annotated[float, Range(0.0, 1e9)]
 
 
 class InitialStatePart(Part):
-    """What every form of an initial state has.
+    """Hold the common part of all forms of an initial state.
 
     Attributes:
-        PLACE: key that is named where the place is wrong.
-        MOTION: the same of the velocity.
-        ON_GROUND: whether the form names a place on the body that turns.
+        PLACE: key to name in an error of the position.
+        MOTION: key to name in an error of the velocity.
+        ON_GROUND: the form is relative to the rotating body.
     """
 
     PLACE: ClassVar[str]
@@ -64,7 +64,7 @@ class InitialStatePart(Part):
 
 
 class StateVectors(InitialStatePart):
-    """Initial state as inertial vectors."""
+    """Hold an initial state as inertial vectors."""
 
     PLACE = "position_m"
     MOTION = "velocity_m_s"
@@ -73,12 +73,12 @@ class StateVectors(InitialStatePart):
     velocity_m_s: Velocity = Field(description="three numbers")
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
+        """Return position (m) and velocity (m/s), each shape (3,)."""
         return np.array(self.position_m), np.array(self.velocity_m_s)
 
 
 class StateAngles(InitialStatePart):
-    """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
+    """Hold an initial state as place, speed, flight-path angle and azimuth, all inertial."""
 
     PLACE = "radius_m"
     MOTION = "speed_m_s"
@@ -91,7 +91,7 @@ class StateAngles(InitialStatePart):
     azimuth_deg: Turn = Field(description="of the inertial velocity, north to east")
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
+        """Return position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
         return LaunchAngles(
             radius=self.radius_m,
             latitude=math.radians(self.latitude_deg),
@@ -103,7 +103,7 @@ class StateAngles(InitialStatePart):
 
 
 class StateElements(InitialStatePart):
-    """Initial state as Keplerian elements."""
+    """Hold an initial state as Keplerian elements."""
 
     PLACE = "semi_major_axis_m"
     MOTION = "semi_major_axis_m"
@@ -131,7 +131,7 @@ class StateElements(InitialStatePart):
         return self
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
+        """Return position (m) and velocity (m/s), each shape (3,)."""
         return Elements(
             self.semi_major_axis_m,
             self.eccentricity,
@@ -143,7 +143,7 @@ class StateElements(InitialStatePart):
 
 
 class StateOverGround(InitialStatePart):
-    """Initial state as a geodetic place and a velocity over the ground."""
+    """Hold an initial state as a geodetic place and a velocity over the ground."""
 
     PLACE = "altitude_m"
     MOTION = "ground_speed_m_s"
@@ -157,7 +157,7 @@ class StateOverGround(InitialStatePart):
     ground_azimuth_deg: Turn = Field(description="of that velocity, north to east")
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
+        """Return position (m) and velocity (m/s), each shape (3,)."""
         place = self.geodetic_latitude_deg, self.longitude_deg
         motion = self.ground_speed_m_s, self.elevation_deg, self.ground_azimuth_deg
         return inertial_state(
@@ -169,7 +169,7 @@ class StateOverGround(InitialStatePart):
 
 
 class StateEarthFixed(InitialStatePart):
-    """Initial state as vectors in axes that turn with the body."""
+    """Hold an initial state as vectors in body-fixed axes."""
 
     PLACE = "earth_fixed_position_m"
     MOTION = "earth_fixed_velocity_m_s"
@@ -183,7 +183,7 @@ class StateEarthFixed(InitialStatePart):
     )
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
+        """Return position (m) and velocity (m/s), each shape (3,)."""
         position = np.array(self.earth_fixed_position_m)
         return inertial_state(self.time_s, position, np.array(self.earth_fixed_velocity_m_s), earth)
 
@@ -213,10 +213,10 @@ InitialState = Annotated[
 
 
 def check_initial_state(mission: "Mission") -> None:
-    """Report a start below the ground, too far out, too fast, or straight up.
+    """Check that the start is above the ground, not too far out, not too fast, not vertical.
 
     Raises:
-        PydanticCustomError: it is one.
+        PydanticCustomError: a value is out of bounds.
     """
     form = mission.initial_state
     if form.ON_GROUND and mission.zero_longitude_deg is None:

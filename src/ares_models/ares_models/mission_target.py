@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission goes: the forms of a target, what makes no sense in one, and its record."""
+"""Target of a mission: its forms, their checks, and the kernels' record."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -38,7 +38,7 @@ from ares_models.sidereal import (
 if TYPE_CHECKING:
     from ares_models.mission import Mission
 
-#: m between perigee and apogee below which an orbit is a circle.
+#: Largest difference of apogee and perigee of a circular orbit, m.
 CIRCLE_M = 1.0
 
 # eccentricity of a hyperbola with twice the escape speed at perigee
@@ -54,7 +54,7 @@ _NODES = ("ascending_node_deg", "raan_deg", "local_time_of_node_h")
 
 
 class _TargetPlane(Part):
-    """The ways to name the node of a target, one at a time."""
+    """Hold the ascending node of a target in one of three forms, or free."""
 
     raan_deg: Turn | None = Field(
         default=None,
@@ -76,11 +76,11 @@ class _TargetPlane(Part):
 
     @property
     def node_key(self) -> str | None:
-        """The key of the file that names the node."""
+        """Return the key of the file that gives the node."""
         return next((key for key in _NODES if getattr(self, key) is not None), None)
 
     def node_deg(self, mission: "Mission") -> float | None:
-        """Return the ascending node from the inertial x axis, deg; None: it is free."""
+        """Return the ascending node from the inertial x axis, deg; None if free."""
         key = self.node_key
         if key is None:
             return None
@@ -94,7 +94,7 @@ class _TargetPlane(Part):
         return equinox + node_of_local_time_deg(mission.epoch, value)
 
     def describe_node(self) -> str | None:
-        """Return how the node is named, in a few words."""
+        """Describe the node in a few words; None if free."""
         texts = {
             "ascending_node_deg": "node {:g} deg",
             "raan_deg": "RAAN {:g} deg",
@@ -105,15 +105,15 @@ class _TargetPlane(Part):
 
 
 def _equinox_deg(mission: "Mission", key: str, value: float) -> float:
-    """Return the mean equinox of the epoch as an angle from the inertial x axis, deg.
+    """Return the angle of the epoch's mean equinox from the inertial x axis, deg.
 
     Args:
-        mission: whose frame.
-        key: of the target, that counts from there.
+        mission: the mission.
+        key: key of the target that counts from the equinox.
         value: of the key.
 
     Raises:
-        PydanticCustomError: no epoch says where it is.
+        PydanticCustomError: the mission has no epoch, or its body is not the Earth.
     """
     if mission.epoch is None:
         fail(("epoch",), None, f"a date and time, because target.{key} is there")
@@ -124,7 +124,7 @@ def _equinox_deg(mission: "Mission", key: str, value: float) -> float:
 
 
 class TargetState(_TargetPlane):
-    """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
+    """Hold a target by radius, speed, flight-path angle, inclination and, optionally, node."""
 
     radius_m: Radius = Field(description="from the centre")
     speed_m_s: Speed = Field(description="inertial")
@@ -133,7 +133,7 @@ class TargetState(_TargetPlane):
     ascending_node_deg: Turn | None = Field(default=None, description="if the plane is fixed")
 
     def check(self, mission: "Mission") -> None:
-        """Report what is out of reach."""
+        """Report a radius below the surface, or a speed far from an orbital one."""
         surface = mission.environment.earth.equatorial_radius_m
         if self.radius_m <= surface:
             fail(
@@ -150,7 +150,7 @@ class TargetState(_TargetPlane):
             )
 
     def write(self, record: NDArray[np.void], mission: "Mission") -> None:
-        """Fill a record TARGET, plane apart."""
+        """Write a record TARGET, except its plane."""
         record["kind"] = (
             layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
             if self.node_key is None
@@ -161,7 +161,7 @@ class TargetState(_TargetPlane):
         record["flight_path_angle"] = math.radians(self.flight_path_angle_deg)
 
     def describe(self) -> str:
-        """In one line."""
+        """Describe the target in one line."""
         aim = (
             f"r {self.radius_m:,.0f} m, V {self.speed_m_s:,.3f} m/s, "
             f"gamma {self.flight_path_angle_deg:g} deg, i {self.inclination_deg:g} deg"
@@ -171,11 +171,11 @@ class TargetState(_TargetPlane):
 
 
 class Conic(NamedTuple):
-    """Size and shape of the orbit that is aimed at.
+    """Hold size and shape of the orbit aimed at.
 
     Attributes:
         perigee: radius, m.
-        eccentricity: 0 or more; less where the apogee would be below the perigee.
+        eccentricity: 0 or more; negative if the given apogee is below the perigee.
         c3: twice the energy, m2/s2.
     """
 
@@ -185,22 +185,22 @@ class Conic(NamedTuple):
 
     @property
     def apogee(self) -> float:
-        """Radius, m; inf for an escape."""
+        """Return the apogee radius, m; inf for an escape."""
         if self.eccentricity >= 1.0:
             return math.inf
         return self.perigee * (1.0 + self.eccentricity) / (1.0 - self.eccentricity)
 
 
 def complete(named: Mapping[str, float], mu: float, start: float) -> Conic:
-    """The orbit of one or two of size and shape.
+    """Complete an orbit from one or two elements of size and shape.
 
-    A perigee alone is that of a circle; an apogee or an energy alone goes with the perigee at
-    ``start``, or lower if the orbit lies lower.
+    A perigee alone means a circle; an apogee or an energy alone is completed by a perigee at
+    ``start``, or by a circle if the orbit lies below that.
 
     Args:
         named: perigee_radius, apogee_radius, semi_major_axis (m), eccentricity, c3 (m2/s2).
         mu: m3/s2.
-        start: radius, m.
+        start: initial radius of the flight, m.
     """
     perigee, apogee = named.get("perigee_radius"), named.get("apogee_radius")
     e, c3 = named.get("eccentricity"), named.get("c3")
@@ -252,7 +252,7 @@ _NAMES_STATE = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PA
 
 
 class TargetOrbit(_TargetPlane):
-    """Terminal set: an orbit by its elements, each named or left free."""
+    """Hold a target by orbital elements, each given or free."""
 
     perigee_radius_m: Radius | None = Field(default=None, description="from the centre")
     perigee_altitude_m: Altitude | None = Field(
@@ -293,7 +293,7 @@ class TargetOrbit(_TargetPlane):
     )
 
     def key_of(self, element: str) -> str:
-        """The key of the file that names an element."""
+        """Return the key of the file that gives an element."""
         if element == "ascending_node_deg":
             return self.node_key or element
         if element not in ("perigee", "apogee"):
@@ -306,7 +306,7 @@ class TargetOrbit(_TargetPlane):
 
     @property
     def keplerian(self) -> bool:
-        """Whether an ellipse is named in full and the place on it free."""
+        """Return whether an ellipse is given in full with the place on it free."""
         e = self.eccentricity
         whole = set(self._given(_NAMES)) == _KEPLERIAN and self.argument_of_latitude_deg is None
         return whole and e is not None and e < 1.0
@@ -339,7 +339,7 @@ class TargetOrbit(_TargetPlane):
         return self
 
     def _check_escape(self) -> None:
-        """Report an energy, an eccentricity and an apogee that contradict each other."""
+        """Report contradictions between energy, eccentricity and apogee."""
         e, axis, energy = self.eccentricity, self.semi_major_axis_m, self.c3_m2_s2
         if axis is not None:
             energy = -axis
@@ -360,7 +360,7 @@ class TargetOrbit(_TargetPlane):
             fail((key,), getattr(self, key), f"no apogee, because {escape} is that of an escape")
 
     def _check_asymptote(self) -> None:
-        """Report a direction to leave in that is not whole, or is not that of one orbit."""
+        """Report an incomplete asymptote, or one that contradicts the other elements."""
         given = [key for key in ("dla_deg", "rla_deg") if getattr(self, key) is not None]
         if not given:
             return
@@ -387,7 +387,7 @@ class TargetOrbit(_TargetPlane):
             )
 
     def _check_latitude(self) -> None:
-        """Report an argument of latitude that nothing follows from."""
+        """Report an argument of latitude without exactly one angle to complete it."""
         if self.argument_of_latitude_deg is None:
             return
         beside = self._given(("argument_of_perigee_deg", "at", "true_anomaly_deg"))
@@ -403,7 +403,7 @@ class TargetOrbit(_TargetPlane):
             )
 
     def _check_equatorial(self) -> None:
-        """Report a node where there is none, and what is counted from it."""
+        """Report a node, or an angle counted from it, of an equatorial orbit."""
         if self.inclination_deg is None or self.keplerian:
             return
         if math.sin(math.radians(self.inclination_deg)) < _FLAT:
@@ -412,16 +412,17 @@ class TargetOrbit(_TargetPlane):
                 fail((key,), getattr(self, key), "no such key, the orbit lies in the equator")
 
     def node_deg(self, mission: "Mission") -> float | None:
-        """Return the ascending node from the inertial x axis, deg; None: it is free."""
+        """Return the ascending node from the inertial x axis, deg; None if free."""
         if self.dla_deg is None:
             return super().node_deg(mission)
         return self._departure(mission)[0]
 
     def _departure(self, mission: "Mission") -> tuple[float, float]:
-        """Return node and argument of perigee of the hyperbola to the asymptote, deg.
+        """Return node and argument of perigee of the departure hyperbola, deg.
 
-        Of the two planes of this inclination through the asymptote the one that is nearer to the
-        start's. Battin, An Introduction to the Mathematics and Methods of Astrodynamics, ch. 4.
+        Of the two planes of this inclination through the asymptote it takes the one nearer to the
+        initial plane. Battin, An Introduction to the Mathematics and Methods of Astrodynamics,
+        ch. 4.
         """
         assert self.dla_deg is not None and self.rla_deg is not None
         assert self.inclination_deg is not None
@@ -432,7 +433,7 @@ class TargetOrbit(_TargetPlane):
         first = math.asin(math.sin(math.radians(self.dla_deg)) / math.sin(tilt))
         start = mission.start()
         momentum = np.cross(start.position, start.velocity)
-        ways = []
+        planes = []
         for latitude in (first, math.pi - first):
             along = math.atan2(math.cos(tilt) * math.sin(latitude), math.cos(latitude))
             node = ascension - along
@@ -441,13 +442,13 @@ class TargetOrbit(_TargetPlane):
                 -math.sin(tilt) * math.cos(node),
                 math.cos(tilt),
             )
-            ways.append((float(momentum @ normal), node, latitude))
-        _, node, latitude = max(ways)
+            planes.append((float(momentum @ normal), node, latitude))
+        _, node, latitude = max(planes)
         perigee = latitude - math.acos(-1.0 / conic.eccentricity)
         return math.degrees(node) % 360.0, math.degrees(perigee) % 360.0
 
     def _perigee_and_anomaly(self, mission: "Mission") -> tuple[float | None, float | None]:
-        """Return argument of perigee and true anomaly of the cut-off, deg; None: free."""
+        """Return argument of perigee and true anomaly of the cut-off, deg; None if free."""
         argument = self.argument_of_perigee_deg
         anomaly = {"perigee": 0.0, "apogee": 180.0, None: self.true_anomaly_deg}[self.at]
         if self.dla_deg is not None:
@@ -460,7 +461,7 @@ class TargetOrbit(_TargetPlane):
         return argument, anomaly
 
     def sizes(self, mission: "Mission") -> dict[str, float]:
-        """Size and shape as far as they are named, by the fields of TARGET, SI."""
+        """Return the given elements of size and shape by the fields of TARGET, SI."""
         ground = mission.environment.earth.equatorial_radius_m
         fields = {
             "perigee_radius": self.perigee_radius_m,
@@ -476,19 +477,19 @@ class TargetOrbit(_TargetPlane):
         return {field: value for field, value in fields.items() if value is not None}
 
     def conic(self, mission: "Mission") -> Conic:
-        """The orbit that is aimed at: what is not named is completed, see :func:`complete`."""
+        """Return the orbit aimed at, completed by :func:`complete`."""
         start = float(np.linalg.norm(mission.start().position))
         return complete(self.sizes(mission), mission.environment.mu_m3_s2, start)
 
     def circular(self, mission: "Mission") -> bool:
-        """Whether it is a circle that is asked for; a perigee alone asks for one."""
+        """Return whether the orbit is a circle; a perigee alone means one."""
         sizes = self.sizes(mission)
         conic = self.conic(mission)
         known = len(sizes) == 2 or "perigee_radius" in sizes
         return known and abs(conic.apogee - conic.perigee) <= CIRCLE_M and not self.keplerian
 
     def check(self, mission: "Mission") -> None:
-        """Report what is no orbit, or not above the ground."""
+        """Report elements that define no orbit, or one below the ground."""
         mu = mission.environment.mu_m3_s2
         ground = mission.environment.earth.equatorial_radius_m
         above = f"above the Earth's radius, {ground:,.0f} m"
@@ -518,7 +519,7 @@ class TargetOrbit(_TargetPlane):
         self._check_place(mission, conic)
 
     def _check_place(self, mission: "Mission", conic: Conic) -> None:
-        """Report a perigee that a circle does not have, and an anomaly that an escape has not."""
+        """Report angles from the perigee of a circle, and anomalies beyond the asymptotes."""
         places = ("argument_of_latitude_deg", "true_anomaly_deg", "at")
         if self.circular(mission):
             for key in self._given((*places, "argument_of_perigee_deg")):
@@ -531,7 +532,7 @@ class TargetOrbit(_TargetPlane):
             fail(("target", key), getattr(self, key), "a cut-off inside the asymptotes")
 
     def write(self, record: NDArray[np.void], mission: "Mission") -> None:
-        """Fill a record TARGET, plane apart."""
+        """Write a record TARGET, except its plane."""
         mu = mission.environment.mu_m3_s2
         argument, anomaly = self._perigee_and_anomaly(mission)
         if argument is not None:
@@ -567,13 +568,13 @@ class TargetOrbit(_TargetPlane):
                     else layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
                 )
             named |= _NAMES_STATE
-        # what is named stands as the file has it
+        # given elements keep the exact values of the file
         for field, value in self.sizes(mission).items():
             record[field] = value
         record["named"] = named
 
     def describe(self) -> str:
-        """In one line."""
+        """Describe the target in one line."""
         orbit = {
             "perigee_radius_m": "perigee r {:,.0f} m",
             "perigee_altitude_m": "perigee {:,.0f} m",
@@ -593,11 +594,11 @@ class TargetOrbit(_TargetPlane):
             "rla_deg": "right ascension {:g} deg",
         }
 
-        def told(texts: Mapping[str, str]) -> list[str]:
+        def given(texts: Mapping[str, str]) -> list[str]:
             return [texts[key].format(getattr(self, key)) for key in self._given(texts)]
 
         node = self.describe_node()
-        return ", ".join([*told(orbit), *([] if node is None else [node]), *told(place)])
+        return ", ".join([*given(orbit), *([] if node is None else [node]), *given(place)])
 
 
 Target = Annotated[
@@ -612,11 +613,11 @@ Target = Annotated[
 
 
 def leaves_end_free(target: np.void) -> bool:
-    """Return whether a target leaves free where on a known orbit it is met.
+    """Return whether a target leaves the place of insertion on a known orbit free.
 
-    With the argument of perigee named the direction of the end decides the place. An orbit of
-    which only one of size and shape is named is not known: perigee is aimed at, as
-    :func:`complete` has it.
+    If the argument of perigee is given, the direction of the end determines the place. An orbit
+    with only one given element of size and shape is not known: there the aim is the perigee of
+    :func:`complete`.
 
     Args:
         target: record TARGET.
@@ -630,7 +631,7 @@ def leaves_end_free(target: np.void) -> bool:
 
 
 def target_record(mission: "Mission") -> NDArray[np.void]:
-    """What kernels take of the target: shape (1,), dtype TARGET."""
+    """Compile the target of a mission, shape (1,), dtype TARGET."""
     record = orbit_record(mission.target, mission)
     if mission.abort is not None:
         equatorial = mission.environment.earth.equatorial_radius_m
@@ -639,14 +640,14 @@ def target_record(mission: "Mission") -> NDArray[np.void]:
 
 
 def parking_orbit(coast: CoastArc) -> TargetOrbit | None:
-    """Return the orbit that a coast names; None: it names none."""
+    """Return the prescribed orbit of a coast, or None."""
     if coast.perigee_altitude_m is None:
         return None
     return TargetOrbit(**{key: getattr(coast, key) for key in ORBIT_KEYS})
 
 
 def orbit_record(target: Target, mission: "Mission") -> NDArray[np.void]:
-    """Return an orbit that is to be reached as kernels take it: shape (1,), dtype TARGET."""
+    """Compile a target orbit, shape (1,), dtype TARGET."""
     record = np.zeros(1, layout.TARGET)
     if target.inclination_deg is not None:
         record["inclination"] = math.radians(target.inclination_deg)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a mission may say but hardly means: slips of a unit, an orbit inside the air.
+"""Warnings on valid but doubtful missions: wrong units, an orbit inside the air.
 
-A warning is sure, not complete: all shipped missions are without one.
+Warnings are conservative: the shipped missions have none, and not every slip is found.
 """
 
 import math
@@ -20,40 +20,40 @@ from ares_models.orbits import Insertion
 if TYPE_CHECKING:
     from ares_models.mission import Mission
 
-#: Air in which nothing stays in orbit, kg/m3: that of 100 km on the Earth.
+#: Largest density of a lasting orbit, kg/m3: at 100 km on the Earth.
 THICK_AIR = 5.6e-7
-#: The same where a flight is only cut off, on its way up: that of 84 km.
+#: Largest density at the cut-off of an ascent, kg/m3: at 84 km.
 THICKEST_AIR = 1e-5
-#: m/s, g0 Isp of a chemical engine: 61 s is worse than cold gas, 500 s better than any.
+#: Range of g0 Isp of chemical engines, m/s: 61 s is below cold gas, 500 s above any engine.
 CHEMICAL = (600.0, 4_903.3)
-#: Thrust over mass of a chemical stage, m/s2: electric ones have a thousandth at most.
+#: Least thrust over mass of a chemical stage, m/s2; electric stages have at most a thousandth.
 CHEMICAL_ACCELERATION = 0.1
-#: m/s2; the fiercest interceptors have more.
+#: Largest thrust over mass, m/s2; only interceptors have more.
 FIERCEST = 500.0
-#: s; no chemical engine burns for a day.
+#: Longest burn of a chemical engine, s.
 LONGEST_BURN = 86_400.0
-#: Pa; launchers have 50 kPa at most, and the flights of the file have no drag.
+#: Largest dynamic pressure at the start, Pa; launchers have at most 50 kPa, and there is no drag.
 MOST_PRESSURE = 1.5e5
-#: m/s and m: slower than this so high is no start.
+#: Least speed, m/s, of a start above an altitude, m.
 SLOWEST, SLOWEST_FROM = 20.0, 1e4
-#: W/m2; 1,135 is usual.
+#: Range of heating limits, W/m2; 1,135 is usual.
 HEATING_LIMITS = (5.0, 5e4)
-#: An orbit whose heating is so many times a limit never meets it.
+#: Heating in the target orbit over a limit above which the limit is surely never met.
 FAR_ABOVE = 3.0
-#: m2/s2, of a C3 that is given in km2/s2.
+#: Least C3, m2/s2; a smaller one is probably in km2/s2.
 LEAST_C3 = 300.0
-#: Between the planes of initial state and target, deg; ascents turn by a third of it.
+#: Largest angle between the planes of initial state and target, deg; ascents turn by a third.
 LARGEST_PLANE_CHANGE_DEG = 30.0
-#: Dry mass over propellant; the lightest stages have three times as much.
+#: Least dry mass over propellant; the lightest stages have three times as much.
 LEAST_STRUCTURE = 0.01
 
 
 class Doubt(NamedTuple):
-    """A value that is hardly meant.
+    """Hold a doubtful value.
 
     Attributes:
         path: key path of the value.
-        text: what stands there, and why it is doubtful.
+        text: the value and the reason for the doubt.
     """
 
     path: KeyPath
@@ -61,7 +61,7 @@ class Doubt(NamedTuple):
 
 
 def warnings(mission: "Mission") -> list[str]:
-    """Return what is hardly meant, one line each that begins with the key; usually none."""
+    """Return a warning for each doubtful value, one line that begins with the key."""
     return [at_line(doubt.path, doubt.text, {}) for doubt in _doubts(mission)]
 
 
@@ -69,7 +69,7 @@ def file_warnings(name_or_path: str | Path) -> list[str]:
     """Return the warnings of a mission, each with its file and line.
 
     Args:
-        name_or_path: of a good mission, as :func:`ares_models.mission.load_mission` takes it.
+        name_or_path: of a valid mission, as in :func:`ares_models.mission.load_mission`.
     """
     from ares_models.mission import MISSION, load_mission
 
@@ -90,13 +90,13 @@ def _doubts(mission: "Mission") -> Iterator[Doubt]:
 
 
 def _density(mission: "Mission", altitude: float) -> float:
-    """Return the density at an altitude, m, in kg/m3."""
+    """Return the density at an altitude, m, kg/m3."""
     factor: float = mission.environment.atmosphere.density_factor
     return factor * mission.atmosphere().density(altitude)
 
 
 def _over_equator(mission: "Mission", radius: float) -> float:
-    """Return the density at a radius, m, over the equator, kg/m3."""
+    """Return the density at a radius, m, above the equator, kg/m3."""
     return _density(mission, radius - mission.environment.earth.equatorial_radius_m)
 
 
@@ -179,7 +179,7 @@ def _heating_limits(mission: "Mission") -> Iterator[Doubt]:
 
 
 def _highest(mission: "Mission") -> float | None:
-    """Return the greatest radius of an orbit that is aimed at, m; None where it is left open."""
+    """Return the greatest radius of the target's orbit, m; None if it is not determined."""
     target = mission.target
     if isinstance(target, TargetOrbit):
         return target.conic(mission).apogee if target.circular(mission) else None
@@ -207,7 +207,7 @@ def _plane(mission: "Mission") -> Iterator[Doubt]:
 
 
 def _turned(before: Insertion, node: float, inclination_deg: float | None) -> float:
-    """Return the angle, rad, to a plane through a node, rad; to the nearest if it has no more."""
+    """Return the angle, rad, to a plane by its node, rad, and inclination, or to the nearest."""
     turn = node - before.ascending_node
     if inclination_deg is None:
         sine = abs(math.sin(before.inclination) * math.sin(turn))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keplerian elements and back, and the quantities of an insertion.
+"""Conversion between states, Keplerian elements and insertion quantities.
 
 Source: Bate, Mueller, White, *Fundamentals of Astrodynamics*, chapter 2. Angles come from
-two-argument arctangents, so that nearly circular and nearly equatorial orbits lose nothing.
+two-argument arctangents, which keep all digits for nearly circular and equatorial orbits.
 """
 
 import math
@@ -16,13 +16,13 @@ from ares_models.kernels import states
 Array = NDArray[np.float64]
 
 _TWO_PI = 2.0 * math.pi
-# below this an angle is a matter of rounding and is set by convention
+# below this an angle is rounding noise and is set by convention
 _ROUNDING = 1e-15
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Keplerian elements, SI and rad.
+    """Hold Keplerian elements, SI and rad.
 
     Attributes:
         semi_major_axis: m; negative for a hyperbola.
@@ -42,29 +42,29 @@ class Elements:
 
     @property
     def semi_latus_rectum(self) -> float:
-        """p = a (1 - e^2), m."""
+        """Return the semi-latus rectum a (1 - e^2), m."""
         return self.semi_major_axis * (1.0 - self.eccentricity) * (1.0 + self.eccentricity)
 
     @property
     def perigee_radius(self) -> float:
-        """a (1 - e), m."""
+        """Return the perigee radius a (1 - e), m."""
         return self.semi_major_axis * (1.0 - self.eccentricity)
 
     @property
     def apogee_radius(self) -> float:
-        """a (1 + e), m; inf for a hyperbola."""
+        """Return the apogee radius a (1 + e), m; inf for a hyperbola."""
         if self.eccentricity > 1.0:
             return math.inf
         return self.semi_major_axis * (1.0 + self.eccentricity)
 
     def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,).
+        """Return position (m) and velocity (m/s), each shape (3,).
 
         Args:
             mu: gravitational parameter, m3/s2.
 
         Raises:
-            ValueError: no orbit has these elements, or it never reaches the anomaly.
+            ValueError: no orbit has these elements, or the anomaly is beyond its asymptotes.
         """
         p = self.semi_latus_rectum
         denominator = 1.0 + self.eccentricity * math.cos(self.true_anomaly)
@@ -88,7 +88,7 @@ class Elements:
 
     @classmethod
     def from_state(cls, position: ArrayLike, velocity: ArrayLike, mu: float) -> "Elements":
-        """Elements of a state.
+        """Compute the elements of a state.
 
         Args:
             position: m, shape (3,).
@@ -96,8 +96,7 @@ class Elements:
             mu: gravitational parameter, m3/s2.
 
         Raises:
-            ValueError: the state is on a straight line through the centre or exactly
-                parabolic, or not finite.
+            ValueError: the state is rectilinear, exactly parabolic, or not finite.
         """
         r = np.asarray(position, dtype=np.float64)
         v = np.asarray(velocity, dtype=np.float64)
@@ -112,7 +111,7 @@ class Elements:
             )
         a = -0.5 * mu / energy
         p = momentum * momentum / mu
-        # along and across the radius: exact for small e, unlike 1 - p/a under a root
+        # eccentricity by its components: exact for small e, unlike the root of 1 - p/a
         e_cos = p / radius - 1.0
         e_sin = momentum * float(r @ v) / (radius * mu)
         e = math.hypot(e_cos, e_sin)
@@ -136,7 +135,7 @@ class Elements:
 
 @dataclass(frozen=True)
 class Insertion:
-    """What a cut-off is judged by, SI and rad.
+    """Hold the quantities of an insertion, SI and rad.
 
     Attributes:
         radius: m.
@@ -154,7 +153,7 @@ class Insertion:
 
     @classmethod
     def from_state(cls, position: ArrayLike, velocity: ArrayLike) -> "Insertion":
-        """Insertion quantities of a state: position m, velocity m/s, each shape (3,)."""
+        """Compute the insertion quantities of position m and velocity m/s, each shape (3,)."""
         r = np.asarray(position, dtype=np.float64)
         v = np.asarray(velocity, dtype=np.float64)
         return cls(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranges of the numbers in a file that people write."""
+"""Ranges of the numbers in an input file."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,9 +13,9 @@ from ares_models.input_file import format_number
 
 @dataclass(frozen=True)
 class Range:
-    """Bounds of a number, both allowed; in a model: ``Annotated[float, Range(0.0, 1.0)]``.
+    """Bound a number, both ends included; in a model: ``Annotated[float, Range(0.0, 1.0)]``.
 
-    An integer stands for a float, a truth value or a text for neither; nan is in no range.
+    An integer is accepted as a float; a boolean or a text is no number; nan is in no range.
 
     Attributes:
         low: least value.
@@ -31,7 +31,7 @@ class Range:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Of an int or a float."""
+        """Build the schema of an int or a float with the range check."""
         if source is int:
             inner: CoreSchema = core_schema.int_schema(strict=True)
         else:
@@ -52,5 +52,5 @@ class Range:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """The bounds for editors."""
+        """Add the bounds to the JSON schema, for editors."""
         return handler(schema) | {"minimum": self.low, "maximum": self.high}

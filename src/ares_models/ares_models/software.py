@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What computes: told with what was computed."""
+"""Version of the software and of its kernels, to record with results."""
 
 import os
 import re
@@ -12,9 +12,9 @@ _STATE = re.compile(r"[0-9a-f]{16}")
 
 
 def software() -> str:
-    """Version, and the state of the kernels' sources where their folder is named by it.
+    """Return the version and the state of the kernels' sources, if their folder is named by it.
 
-    One line for a person; equal where the same kernels compute.
+    One line; equal for equal kernels.
     """
     number = version("ares_models")
     state = Path(os.environ.get(VARIABLE, "")).name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units that what speaks no ROS needs; those of messages: `ares_node.time`."""
+"""Units for modules without ROS; those of messages are in `ares_node.time`."""
 
-#: In a second.
+#: Nanoseconds in a second.
 NANOSECONDS = 1_000_000_000

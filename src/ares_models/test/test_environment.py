@@ -137,7 +137,7 @@ def test_constant_of_equation_2_2_turns_foot_pounds_into_btu():
 @given(places, velocities, st.tuples(*[st.floats(-30.0, 30.0)] * 3), st.booleans())
 def test_log_heating_and_its_rate_follow_the_motion(r, v, a, spherical):
     env = environment(altitude_model=0 if spherical else 1, density_factor=1.2)
-    # at rest against the air there is no heating to take the logarithm of
+    # at rest relative to the air there is no heating, and no logarithm of it
     assume(np.linalg.norm(kernels.relative_velocity(r, v, env)) > 200.0)
     value, rate = kernels.log_heating(r, v, env, ATMOSPHERE, a)
     assert value == pytest.approx(math.log(kernels.heating_rate(r, v, env, ATMOSPHERE)), abs=1e-12)

@@ -78,7 +78,7 @@ def test_first_ignitions_are_the_earliest(mission):
 
 
 def flown_propellant(burn, mass):
-    """The same by small steps."""
+    """Integrate by small steps."""
     step = 1e-3
     used = 0.0
     for _ in range(round(burn.burn_time_s / step)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The impact point against falls integrated on a body that turns, and areas of all shapes."""
+"""The impact point against falls integrated on a rotating body, and areas of all shapes."""
 
 import math
 
@@ -9,14 +9,14 @@ from scipy.integrate import solve_ivp
 
 from ares_models.earth import Earth
 from ares_models.impacts import find_impact, outlines
-from ares_models.kernels.impact import fall, impact_direction, impact_moves, outside_areas
+from ares_models.kernels.impact import fall, impact_direction, impact_jacobian, outside_areas
 from ares_models.mission import Mission, load_mission
 
 ARES = load_mission("ares_v")
 
 
 def environment(polar_share=1.0, altitude="ellipsoid", zero_deg=25.0):
-    """A record of an Earth, more or less flat."""
+    """Return the record of an Earth with a given flattening."""
     earth = ARES.environment.earth.model_copy(
         update={
             "polar_radius_m": polar_share * ARES.environment.earth.equatorial_radius_m,
@@ -37,14 +37,14 @@ BODIES["still"]["rotation_rate"] = 0.0
 
 
 def to_earth(record, time):
-    """Inertial axes to those that turn with the body."""
+    """Transform from inertial to body-fixed axes."""
     angle = float(record["zero_longitude"] + record["rotation_rate"] * time)
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def integrated(position, velocity, time, record):
-    """The fall in axes that turn: s and the place, m; None: it does not come down in an orbit."""
+    """Integrate the fall in rotating axes: time, s, and place, m; None: no impact in one orbit."""
     rate = np.array([0.0, 0.0, float(record["rotation_rate"])])
     mu, a = float(record["mu"]), float(record["equatorial_radius"])
     b = a if record["altitude_model"] == 0 else float(record["polar_radius"])
@@ -77,7 +77,7 @@ def integrated(position, velocity, time, record):
 
 
 def random_states(seed, count):
-    """States from the ground to 1,500 km, at up to 1.05 of the speed of a circle, at all angles."""
+    """Draw states up to 1,500 km high, at up to 1.05 times circular speed, at all angles."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         up = rng.normal(size=3)
@@ -113,7 +113,7 @@ def test_the_impact_is_where_an_integrated_fall_ends(name):
 def test_it_moves_with_the_velocity_as_integrated_falls_do():
     record = BODIES["Earth"]
     for r, v, time in random_states(5, 12):
-        moves = np.array(impact_moves(tuple(r.tolist()), tuple(v.tolist()), time, record))
+        moves = np.array(impact_jacobian(tuple(r.tolist()), tuple(v.tolist()), time, record))
         if not np.all(np.isfinite(moves)):
             continue
         for k in range(3):
@@ -155,7 +155,7 @@ def test_what_has_no_impact_point(r, v):
 
 
 def mission_with(*areas):
-    """The thesis' mission with other areas."""
+    """Return the thesis' mission with other areas."""
     data = ARES.model_dump(exclude_unset=True)
     data["abort"]["avoid"] = list(areas)
     return Mission.model_validate(data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `make boundscheck` relies on: a kernel that leaves its arrays raises, wherever it is."""
+"""Bounds checks for `make boundscheck`: a kernel that leaves its arrays raises, wherever it is."""
 
 import os
 import subprocess
@@ -96,7 +96,7 @@ def of(name):
 
 
 print(ares_template_of_a_test.whole(1.0), of("{0}")(1.0), of("{0}") is of("{0}"))
-# what calls a copy
+# a caller of a copy
 print(specialised("ares_template_of_a_test", "{0}_again", part=of("{0}")).whole(1.0))
 """
 
@@ -119,9 +119,9 @@ def whole(x):
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     cache = str(tmp_path / "cache")
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": cache}
-    # an edit within the second is none for Python's own cache
+    # Python's own cache misses an edit within the same second
     environment["PYTHONDONTWRITEBYTECODE"] = "1"
-    # twice each, the second time from the cache; an edit is compiled anew
+    # twice each, the second time from the cache; an edit is recompiled
     for name, number, said in (
         ("one", 1.0, "10.0 20.0 True\n200.0\n"),
         ("one", 1.0, "10.0 20.0 True\n200.0\n"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one judge: what is off, how much of it may be, and what an end is."""
+"""The judge: errors, tolerances and outcomes."""
 
 import math
 
@@ -66,7 +66,7 @@ def judged(position, velocity, *, grounded=False, kind=TARGET_ELEMENTS, **fields
 
 
 def named(e, perigee=6_628_137.0, **fields):
-    """A target of an orbit by semi-major axis and eccentricity."""
+    """Return a target by semi-major axis and eccentricity."""
     a = perigee / (1.0 - e)
     size = {"semi_major_axis": a, "eccentricity": e, "perigee_radius": perigee, "c3": -MU / a}
     names = NAMES_SEMI_MAJOR_AXIS | NAMES_ECCENTRICITY
@@ -81,7 +81,7 @@ def gto(**moved):
     return r, v * (1.0 + moved.pop("speed", 0.0) / np.linalg.norm(v))
 
 
-# ---- what is off
+# ---- errors
 
 
 def test_a_keplerian_target_is_judged_at_the_nearest_point_of_its_orbit():
@@ -108,7 +108,7 @@ def test_a_target_by_elements_is_judged_by_what_it_names(name):
         assert judged(*gto(speed=0.09), **GTO, named=bit).end is End.TARGET
     moved = {**GTO, name: GTO[name] * 1.01}
     assert judged(*gto(), **moved, named=bit).misses()
-    # what is no number is on no target, nor is an escape at an apogee
+    # nan is on no target, and an escape has no apogee
     r, v = gto()
     lost = judged(r * math.nan, v, **GTO, named=bit)
     assert lost.end is End.SUBORBITAL
@@ -117,11 +117,11 @@ def test_a_target_by_elements_is_judged_by_what_it_names(name):
         assert judged(r, 2.0 * v, **GTO, named=bit).end is not End.TARGET
 
 
-# ---- how much of it may be
+# ---- tolerances
 
 
 def shaken(r, v):
-    """States with radius, speed and flight-path angle off by their tolerance, each way."""
+    """Return states with radius, speed and angle off by their tolerance, in both directions."""
     radius, speed = np.linalg.norm(r), np.linalg.norm(v)
     up, along = r / radius, v / speed
     normal = np.cross(up, along)
@@ -133,7 +133,7 @@ def shaken(r, v):
         yield r, v * math.cos(turn) - sign * speed * math.sin(turn) * side
 
 
-#: What 100 m, 0.1 m/s and 0.001 deg come to half a turn later, on a circle 250 km up: 3 dr,
+#: Effect of 100 m, 0.1 m/s and 0.001 deg half a turn later, on a circle 250 km up: 3 dr,
 #: 4 dv / n and r dgamma of height, all together.
 ANYWHERE = {
     "perigee_radius_m": 300.0 + 345.0 + 117.0,
@@ -159,7 +159,7 @@ def test_what_is_allowed_is_what_the_errors_of_a_state_come_to(e, anomaly):
         # each error by itself is allowed, wherever on the orbit and however round it is
         assert off.end is End.TARGET, off.misses()
     for key in ("perigee_radius_m", "semi_major_axis_m", "eccentricity", "c3_m2_s2"):
-        # and what is allowed is all of them together, not more: of a circle anywhere on it
+        # and the tolerance is the sum of all errors, not more: on a circle at any place
         worst = sum(max(abs(off.errors[key]) for off in ends[k::3]) for k in range(3))
         most = 1.05 * worst if e > 2e-4 else ANYWHERE[key]
         assert ends[0].allowed[key] <= most, key
@@ -184,7 +184,7 @@ def test_a_perigee_points_anywhere_on_a_circle_and_somewhere_on_an_ellipse():
 def test_the_apogee_of_a_long_orbit_may_be_off_by_what_its_speed_may():
     names = NAMES_PERIGEE | NAMES_APOGEE
     flown = judged(*gto(anomaly=0.0), **GTO, named=names)
-    # vis viva: d(ra) = 2 (2 a)^2 v dv / mu / 2 at perigee, beside what radius does
+    # vis viva: d(ra) = 2 (2 a)^2 v dv / mu / 2 at perigee, plus the effect of the radius
     speed = math.sqrt(MU * (2.0 / GTO["perigee_radius"] - 1.0 / GTO["semi_major_axis"]))
     by_speed = 4.0 * GTO["semi_major_axis"] ** 2 * speed * SPEED_M_S / MU
     assert by_speed < flown.allowed["apogee_radius_m"] < 2.0 * by_speed
@@ -199,7 +199,7 @@ def test_a_node_means_less_in_a_flat_plane():
         assert allowed == pytest.approx(expected * ORIENTATION_DEG, rel=1e-3)
 
 
-# ---- what an end is
+# ---- outcomes
 
 RADIUS, SPEED = 6_600_000.0, 7_800.0
 STATE = {
@@ -226,7 +226,7 @@ def level(speed=SPEED, radius=RADIUS, tilt=TILT):
         (level(SPEED + 50.0), End.SAFE_ORBIT, "safe orbit, perigee 221.9 km"),
         (level(7_700.0, 6_750_000.0), End.SAFE_ORBIT, "safe orbit, perigee 371.9 km"),
         (level(SPEED - 15.0, tilt=TILT + 0.01), End.SAFE_ORBIT, "safe orbit, perigee 221.9 km"),
-        # a radius that was let go is a target lowered by next to nothing
+        # a released radius is a target lowered by almost nothing
         (level(SPEED, RADIUS + 800.0), End.LOWERED, "no lower than the target, perigee 222.7 km"),
         (level(3_000.0), End.SUBORBITAL, None),
         (level(math.nan), End.SUBORBITAL, "no orbit"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed-form propagation: constants of the motion, the way back, an integrator."""
+"""Closed-form propagation against constants of the motion, its inverse and an integrator."""
 
 import math
 
@@ -104,7 +104,7 @@ def test_agrees_with_an_integrator(ratio, dt):
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.1, 0.9, 0.9999, 1.0001, 1.5, 20.0])
 def test_relative_accuracy_from_perigee(eccentricity):
-    """Against Kepler's equation solved the other way: from the anomaly to the time."""
+    """Compare with Kepler's equation solved explicitly, from anomaly to time."""
     perigee = 6.6e6
     a = perigee / (1.0 - eccentricity) if eccentricity != 1.0 else math.inf
     start = Elements(a, eccentricity, 0.5, 1.0, 2.0, 0.0).state(MU)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where compiled kernels go when nobody has said so."""
+"""Default folder of compiled kernels."""
 
 import os
 import subprocess

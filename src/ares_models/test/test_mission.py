@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions: what the shipped ones hold, and what becomes of them as arrays."""
+"""Missions: content of the shipped ones, and their arrays."""
 
 import math
 import pickle
@@ -22,7 +22,7 @@ def shipped_text(name):
 
 
 def variant(tmp_path, change, name="ares_v"):
-    """A shipped mission with its plain data changed, written as a file."""
+    """Write a shipped mission with changed plain data as a file."""
     source = tmp_path / "source.yaml"
     source.write_text(shipped_text(name))
     data, _ = read_input(source, MISSION)
@@ -86,7 +86,7 @@ def test_ares_v_arrays():
     assert burnout == pytest.approx(450600.0, abs=1.0)
     assert core["propellant"] == pytest.approx(core["stack_mass"] - burnout, rel=1e-12)
     assert upper["propellant"] == pytest.approx(0.95 * (307837.0 - 5837.0))
-    # what the dropped core weighs, and the thesis' final mass after 432.30 s
+    # mass of the dropped core, and the thesis' final mass after 432.30 s
     assert burnout - 307837.0 == pytest.approx(142763.0, abs=1.0)
     assert 307837.0 - 5837.0 - upper["mass_flow"] * 432.30 == pytest.approx(173427.0, abs=1.0)
     for key in ("start_knots", "tail_knots", "start_loss", "tail_gain"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Broken mission files: one line each, with file, line, key, value and what was expected."""
+"""Broken mission files: one line each, with file, line, key, value and expected value."""
 
 import errno
 import os
@@ -32,7 +32,7 @@ def edited(tmp_path, old, new, text=TEXT):
     return path
 
 
-# (what stands in ares_v.yaml, what takes its place, key path, rest of the message)
+# (text in ares_v.yaml, its replacement, key path, rest of the message)
 BROKEN = {
     "area of neither form": (
         (
@@ -652,7 +652,7 @@ _CORE = (
     "    burn_time_s: 181.25           # Table 2.2: from 155.9 s to the staging point at 337.15 s\n"
 )
 _TABLE = "    thrust_table: [[0, 0], [1, 1.5e7], [180, 0]]\n"
-#: What takes the place of the core's burn, key path, rest of the message.
+#: Replacement of the core's burn, key path, rest of the message.
 TABLES = {
     "table without an impulse": (
         _TABLE,
@@ -932,7 +932,7 @@ ORBIT = "        perigee_altitude_m: 185000.0\n        apogee_altitude_m: 200000
 PARK = "        coast_s: free\n"
 GTO = resources.files("ares_models").joinpath("missions", "vulcan_gto.yaml").read_text()
 
-# (what takes the place of the free coast's first line, key, rest of the message)
+# (replacement of the free coast's first line, key, rest of the message)
 BROKEN_ORBITS = {
     "perigee above apogee": (
         PARK + ORBIT.replace("185", "205"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Masses by item: each once, what is ignited follows; both forms of one vehicle are one."""
+"""Masses by item: each once, ignition masses follow; both forms of a vehicle are equal."""
 
 import pytest
 import yaml
@@ -14,7 +14,7 @@ STAGES = {
 
 
 def changed(tmp_path, change):
-    """The template, whose masses are by item, changed."""
+    """Load the template, whose masses are by item, with changes."""
     data, _ = read_input(TEMPLATE, MISSION)
     change(data)
     path = tmp_path / "changed.yaml"
@@ -33,7 +33,7 @@ def put(place, **values):
 
 
 def by_whole_masses(data):
-    """A stage and all above it, added up by hand."""
+    """Add up a stage and all above it."""
     del data["payload_kg"]
     for stage, mass in zip(data["stages"], (5900.0, 2650.0), strict=True):
         for key in ("dry_mass_kg", "residuals_kg"):
@@ -46,7 +46,7 @@ def test_what_is_ignited_is_what_stands_above():
     assert {stage.name for stage in mission.stages} == set(STAGES)
     above = 200.0
     for i, items in reversed(list(enumerate(STAGES.values()))):
-        # the fairing is the second stage's; whoever is below carries it too
+        # the fairing belongs to the second stage; the stages below carry it too
         above += sum(items.values()) + (50.0 if i == 1 else 0.0)
         assert mission.ignition_mass(i) == pytest.approx(above, rel=1e-15)
     assert mission.start().mass_kg == above == 5900.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission begins: five forms of one state, the ground they are relative to."""
+"""Initial states of missions: five forms of one state, the ground they are relative to."""
 
 import math
 
@@ -20,7 +20,7 @@ EPOCH = "2026-01-01T06:00:00Z"
 
 
 def started(tmp_path, state, epoch=None, zero_longitude_deg=None, rotation_rate=7.2921159e-5):
-    """Ares V with another initial state, in another frame, as the file says."""
+    """Load Ares V with another initial state, epoch, longitude zero or rotation rate."""
     data, _ = read_input(MISSION.find("ares_v"), MISSION)
     data["initial_state"] = {"time_s": 155.9, **state}
     earth = data["environment"]["earth"]
@@ -38,7 +38,7 @@ def started(tmp_path, state, epoch=None, zero_longitude_deg=None, rotation_rate=
 
 
 def forms(start, earth, mu):
-    """A state in each form of a file, made by the way back of each."""
+    """Return a state in each form of a file, by the inverse conversion of each."""
     orbit = Elements.from_state(start.position, start.velocity, mu)
     angles = LaunchAngles.from_state(start.position, start.velocity)
     environment = load_mission("ares_v").environment_array()[0]
@@ -113,7 +113,7 @@ OVER_GROUND = {
 
 
 def test_the_ground_carries_who_starts_from_it(tmp_path):
-    """On the equator, eastwards: the ground's own speed is added."""
+    """The ground's own speed adds to the start's, eastwards on the equator."""
     start = started(tmp_path, OVER_GROUND, zero_longitude_deg=10.0).start()
     radius = 6_378_140.0 + 60e3
     angle = math.radians(40.0) + 7.2921159e-5 * 155.9
@@ -131,7 +131,7 @@ def test_the_frame_follows_from_the_epoch(tmp_path):
     assert mission.start().velocity == pytest.approx(given.start().velocity, abs=1e-9)
     zero = mission.environment_array()["zero_longitude"]
     assert zero == pytest.approx(math.radians(angle))
-    # who says where longitude zero is has another frame
+    # a given longitude zero defines another frame
     both = started(tmp_path, OVER_GROUND, epoch=EPOCH, zero_longitude_deg=0.0)
     assert both.zero_longitude_deg == 0.0
 
@@ -147,7 +147,7 @@ def test_the_frame_follows_from_the_epoch(tmp_path):
                 "on the Earth, because initial_state is relative to the ground"
             ),
         ),
-        # an epoch says nothing of Mars
+        # an epoch does not orient Mars
         (
             {"epoch": EPOCH, "rotation_rate": 7.0882e-5},
             {},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets by elements: what a file may say, what it comes to, and what is refused."""
+"""Targets by elements: allowed keys, the resulting orbits, refused values."""
 
 import json
 import math
@@ -26,7 +26,7 @@ START = math.sqrt(sum(x * x for x in SHIPPED.initial_state.position_m))
 
 @pytest.fixture
 def aimed(tmp_path):
-    """A mission file with another target."""
+    """Write a mission file with another target."""
     text = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
 
     def load(**target):
@@ -239,7 +239,7 @@ def test_a_free_plane_is_that_of_the_motion(aimed):
         assert sign * np.dot(normal, h) > 0.0
 
 
-# ---- the node by the sky, the cut-off by its argument of latitude, the way out by its asymptote
+# ---- node from the equinox, cut-off by argument of latitude, departure by asymptote
 
 EPOCH = datetime(2026, 1, 1, 12, tzinfo=UTC)
 SIZES = {"perigee_altitude_m": 185e3, "apogee_altitude_m": 1e6, "inclination_deg": 28.5}
@@ -253,7 +253,7 @@ STATE = {
 
 @pytest.fixture
 def dated(tmp_path):
-    """A mission with an epoch and another target; with or without its own longitude zero."""
+    """Load a mission with an epoch and another target, with or without longitude zero."""
     text = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
 
     def load(target, zero=True, epoch=EPOCH, rate="7.2921159e-5"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is hardly meant is said, with line and key; of what flies nothing is."""
+"""Warnings name doubtful values by line and key; sound missions have none."""
 
 import pytest
 import yaml
@@ -16,7 +16,7 @@ def test_of_a_shipped_mission_nothing_is_said(name):
 
 
 def changed(tmp_path, changes, base=TEMPLATE):
-    """A mission with values by their key paths; its file."""
+    """Write a mission with changed values, by key path, to a file."""
     data, _ = read_input(MISSION.find(base), MISSION)
     for path, value in changes.items():
         *way, last = (int(key) if key.isdigit() else key for key in path.split("."))

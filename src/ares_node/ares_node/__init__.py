@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of the graph shares."""
+"""Common parts of all nodes of the graph."""

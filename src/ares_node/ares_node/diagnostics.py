@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One-line reports: on /diagnostics with flight time, what is wrong on /rosout too."""
+"""One-line reports on /diagnostics with flight time, warnings and errors also on /rosout."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -16,26 +16,26 @@ from ares_node.time import stamp_from_ns
 
 #: Message of the topic TIMING.
 Timing = DiagnosticStatus
-#: What guidance tells of its timing when its last solution stands.
+#: Timing of guidance, published when it holds its steering.
 LONGEST_CYCLE_MS = "longest_cycle_ms"
-#: What guidance reports of the plan that it has taken: mass after the last cut-off, and the lowest
-#: altitude of its coasts.
+#: Facts of an accepted plan, reported by guidance: mass after the last cut-off, and lowest altitude
+#: of its coasts.
 FINAL_MASS_KG = "final_mass_kg"
 LOWEST_COAST_M = "lowest_coast_m"
-#: What simulator and replay tell of the wall clock: real-time factor, whether it pauses, and the
-#: full name of the node, whose parameters of the same names may be set.
+#: Facts on the pace of simulator or replay: real-time factor, pause, and the full name of the node
+#: with the parameters of the same names.
 PACE = "pace"
 PAUSED = "paused"
 NODE = "node"
-#: What the live page tells: in how many browsers it is open.
+#: Fact of the live page: number of browsers in which it is open.
 PAGES = "pages"
-#: What the judge tells the live page in the end, and whether all was as it should be.
+#: Facts of the judge for the live page: the verdict, and whether it is good.
 VERDICT = "verdict"
 GOOD = "good"
 
 
-def worth_saying(count: int) -> bool:
-    """Tell whether a report of which there are so many is said: the first, and at every tenfold."""
+def is_worth_reporting(count: int) -> bool:
+    """Return whether to report a repeated event: the first, and every tenfold count."""
     return count > 0 and math.log10(count).is_integer()
 
 
@@ -48,28 +48,28 @@ class Level(Enum):
     STALE = DiagnosticStatus.STALE
 
 
-#: Severities that /rosout hears of.
+#: Levels that go to /rosout too, with their severity there.
 _LOGGED = {Level.WARN: Log.WARN, Level.ERROR: Log.ERROR}
-#: Longest wall time in s that the last words of a node may take to arrive.
-_LAST_WORDS = 0.2
+#: Timeout for the delivery of a node's last log record, wall time, s.
+_LOG_TIMEOUT = 0.2
 
 
 def folded(text: str) -> str:
-    """A text on one line."""
+    """Fold a text into one line."""
     return " ".join(text.split())
 
 
-#: What the hardware id of a report on a flight begins with.
+#: Prefix of the hardware id of reports on a flight.
 FLIGHT_PREFIX = "flight:"
 
 
 def hardware_id(flight_id: int) -> str:
-    """The hardware id of reports on a flight; empty if there is no flight."""
+    """Return the hardware id of reports on a flight; empty without a flight."""
     return FLIGHT_PREFIX + id_text(flight_id) if flight_id else ""
 
 
 def of_another_flight(status: DiagnosticStatus, flight_id: int) -> bool:
-    """Whether a report says that it is on a flight, and that this is another one."""
+    """Return whether a report names a flight other than ``flight_id``."""
     return bool(
         status.hardware_id.startswith(FLIGHT_PREFIX)
         and status.hardware_id != hardware_id(flight_id)
@@ -77,20 +77,20 @@ def of_another_flight(status: DiagnosticStatus, flight_id: int) -> bool:
 
 
 class Diagnostics:
-    """Publisher of a node's reports; each report is one array with one status.
+    """Publish a node's reports; each report is an array with one status.
 
     The status name is the node's full name without the leading slash (`ares/recorder`), the
-    hardware id is `flight:` and the identity of the flight, as soon as there is one. Warnings
-    and errors are log records on /rosout too; the console is not written to, since whoever
-    starts the node has its own way to show them.
+    hardware id is `flight:` and the identity of the flight once there is one. Warnings and errors
+    are log records on /rosout too, but not on the console: the process that starts the node shows
+    them in its own way.
     """
 
     def __init__(self, node: Node, flight_id: Callable[[], int] = lambda: 0) -> None:
         """Create the publishers.
 
         Args:
-            node: whose reports these are.
-            flight_id: gives the flight that the node takes part in; 0 for none.
+            node: that reports.
+            flight_id: returns the flight of the node; 0 for none.
         """
         self._node = node
         self._flight_id = flight_id
@@ -142,14 +142,14 @@ class Diagnostics:
             )
         )
 
-    def last_words(self, message: str) -> None:
-        """An error on /rosout from a node that ends at once: wait until it has been sent."""
+    def log_last_error(self, message: str) -> None:
+        """Log an error on /rosout and wait for its delivery, before the node ends."""
         self.log(Level.ERROR, message)
-        self._log.wait_for_all_acked(Duration(seconds=_LAST_WORDS))
+        self._log.wait_for_all_acked(Duration(seconds=_LOG_TIMEOUT))
 
 
 def number_of(said: Mapping[str, str], key: str) -> float | None:
-    """A number among the facts of `timing`; None where there is none, or none that is finite."""
+    """Return a finite number among the facts of `timing`, or None."""
     try:
         value = float(said.get(key, ""))
     except ValueError:
@@ -157,25 +157,25 @@ def number_of(said: Mapping[str, str], key: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def pace_word(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:
-    """How fast a node lets a flight go by, for the topic TIMING.
+def pace_message(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:
+    """Build the message on a flight's pace for the topic TIMING.
 
     Args:
-        node: whose parameters `pace` and `paused` say so.
+        node: with the parameters `pace` and `paused`.
         flight_id: the flight.
-        pace: real-time factor; 0: as fast as may be.
-        paused: nothing goes by.
+        pace: real-time factor; 0: as fast as possible.
+        paused: the flight pauses.
     """
     name = node.get_fully_qualified_name()
     return timing(node, flight_id, {PACE: pace, PAUSED: paused, NODE: name})
 
 
 def timing(node: Node, flight_id: int, values: Mapping[str, object]) -> DiagnosticStatus:
-    """What took how long, for the topic TIMING.
+    """Build a message of wall-clock facts for the topic TIMING.
 
     Args:
-        node: whose.
-        flight_id: that it takes part in.
+        node: that publishes it.
+        flight_id: of the node.
         values: facts; each is written with str().
     """
     return Timing(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain of one's own: claimed with a file lock that ends with the process. No ROS."""
+"""Claims of ROS domains by file locks that end with the process. No ROS."""
 
 import fcntl
 import os
@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-#: Domains that are claimed. Above 101 their ports meet the ephemeral ones; 0 is everybody's.
+#: Domains to claim. Above 101 their ports overlap the ephemeral ones; 0 is the common default.
 DOMAINS = range(1, 102)
-#: Wall time in s between looks for a free one.
+#: Polling period for a free domain, wall time, s.
 LOOK_PERIOD = 0.05
 
 
 def _claim(folder: Path, domain: int, namespace: str = "") -> int | None:
-    """The descriptor that holds a domain, or a namespace in it; None if somebody else does."""
+    """Lock a domain, or a namespace in it; return the descriptor, or None if it is taken."""
     name = f"{domain}{namespace.replace('/', '.')}"
     lock = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
     try:
@@ -34,7 +34,7 @@ def _folder() -> Path:
 
 
 def _candidates() -> list[int]:
-    # start elsewhere in each process, so that a domain rests between two owners
+    # each process starts elsewhere, so that a domain is not reused immediately
     start = os.getpid() % len(DOMAINS)
     return [*DOMAINS[start:], *DOMAINS[:start]]
 
@@ -42,18 +42,18 @@ def _candidates() -> list[int]:
 def claim_domain(
     preferred: Sequence[int] = (), wait: float = 60.0, namespace: str = ""
 ) -> tuple[int, int]:
-    """A ROS domain id that nobody else on this machine has claimed, until this process ends.
+    """Claim a free ROS domain on this machine until this process ends.
 
     Args:
         preferred: tried before DOMAINS.
-        wait: how long to wait for a free one, in s.
-        namespace: the preferred ones are claimed for it alone; others share them.
+        wait: timeout for a free domain, s.
+        namespace: of the claim on a preferred domain; other namespaces may share it.
 
     Returns:
-        The domain, and the descriptor that holds it: closing it gives the domain back.
+        The domain, and the descriptor of its lock; closing it releases the domain.
 
     Raises:
-        TimeoutError: all of them stayed taken.
+        TimeoutError: all domains stayed taken.
     """
     folder = _folder()
     deadline = time.monotonic() + wait
@@ -69,7 +69,7 @@ def claim_domain(
 
 @contextmanager
 def claimed_domain(wait: float = 60.0) -> Iterator[int]:
-    """`claim_domain` for the length of a block."""
+    """Claim a ROS domain for the duration of a block."""
     domain, lock = claim_domain(wait=wait)
     try:
         yield domain

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first thing that a node's process runs, before any slow import.
+"""Entry of a node's process, before any slow import.
 
-Standard library only, so that an interrupt or a missing package ends the process with at most
-one line.
+Standard library only, so that an interrupt or a missing package ends the process with at most one
+line.
 """
 
 import contextlib
@@ -18,16 +18,16 @@ from typing import Any
 
 EXIT_OK = 0
 EXIT_CANNOT_START = 2
-#: How the warnings of NumPy about arithmetic begin.
+#: Pattern of NumPy's warnings about arithmetic.
 BEYOND_NUMBERS = "(overflow|invalid value|divide by zero) encountered"
 
 
 class OutputError(OSError):
-    """Standard output takes no more; the text is why."""
+    """Report that standard output cannot be written; the text is the reason."""
 
 
 class _Output(io.FileIO):
-    """Standard output, whose errors are told from those of other files."""
+    """Write standard output; raise its errors as OutputError."""
 
     def write(self, data: Any, /) -> int:
         try:
@@ -39,7 +39,7 @@ class _Output(io.FileIO):
 
 
 class _Errors(io.FileIO):
-    """Standard error: what cannot be written is left out."""
+    """Write standard error; drop text that cannot be written."""
 
     def write(self, data: Any, /) -> int:
         try:
@@ -49,18 +49,18 @@ class _Errors(io.FileIO):
 
 
 def keep_standard_streams() -> None:
-    """See that there are all three, and that a line to standard error never ends the process.
+    """Open missing standard streams, and make errors of standard error harmless.
 
-    The number of a stream that is closed would go to the next file that is opened, such as a bag.
-    A full disk behind standard error, or a reader that has gone, is no reason to stop a flight.
+    The number of a closed stream would go to the next file opened, such as a bag. A full disk
+    behind standard error, or a closed reader, must not stop a flight.
     """
     for number in (0, 1, 2):
         try:
             os.fstat(number)
         except OSError:
-            # the lowest that is free, which is this one; for children too
+            # opens the lowest free number, which is this one; inherited by children
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
-    # somebody else's, such as a test's, stay
+    # keep streams that a caller, such as a test, has replaced
     if sys.stdout in (None, sys.__stdout__):
         sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout)
     if sys.stderr in (None, sys.__stderr__):
@@ -68,10 +68,10 @@ def keep_standard_streams() -> None:
 
 
 def _text(raw: io.FileIO, former: io.TextIOWrapper | None) -> io.TextIOWrapper:
-    """A stream like the one before it; that of a file number that was closed has none."""
+    """Wrap a raw stream with the settings of the former one; None: it was closed."""
     if former is None:
         return io.TextIOWrapper(io.BufferedWriter(raw), "utf-8")
-    # as Python does it: unbuffered is without a buffer below
+    # as in Python, an unbuffered stream has no buffer layer
     buffer = raw if former.write_through else io.BufferedWriter(raw)
     return io.TextIOWrapper(
         buffer,
@@ -83,12 +83,12 @@ def _text(raw: io.FileIO, former: io.TextIOWrapper | None) -> io.TextIOWrapper:
 
 
 def set_up_libraries() -> None:
-    """Keep libraries from what is slow at each start, or no line of ours. What users set stays.
+    """Switch off slow starts and foreign output of libraries; settings of the user have priority.
 
-    NumPy and SciPy would start threads for matrices larger than any that is here: on two cores
-    0.1 s of CPU time, on more cores more. pydantic would look for plugins in all that is
-    installed: 0.03 s. NumPy would print lines of source when somebody sends numbers near the
-    largest ones; what comes of such numbers is looked at where it is used.
+    NumPy and SciPy would start threads for matrices larger than any in this project: 0.1 s of CPU
+    time on two cores, more on more cores. pydantic would search all installed packages for
+    plugins: 0.03 s. NumPy would print lines of source on overflow; results are checked where they
+    are used.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -97,31 +97,31 @@ def set_up_libraries() -> None:
 
 
 def enter(package: str, node: str, name: str, extra: str = "", stopped: int = EXIT_OK) -> int:
-    """Run one node as a process, and end the process with the status of the node.
+    """Run one node as a process and end the process with the node's exit status.
 
     Args:
-        package: the package of the node; what it requires is checked first.
-        node: where the node's class is, `module:class`.
-        name: name of the node, with which error lines begin.
-        extra: of what the package requires, checked too.
-        stopped: exit status after a signal that came before the node was up.
+        package: of the node; its requirements are checked first.
+        node: the node's class as `module:class`.
+        name: of the node, prefix of error lines.
+        extra: optional requirements of the package to check too.
+        stopped: exit status after a signal during the start.
 
     Returns:
-        2, and a line on standard error, if something is not installed. Else it does not return:
-        the process ends as soon as the node has, with the exit status of `ares_node.run.run_node`.
+        2, with a line on standard error, if a requirement is not met. Else it does not return: the
+        process ends with the exit status of `ares_node.run.run_node`.
     """
 
     def leave(_number: int, _frame: FrameType | None) -> None:
-        # nothing has begun, and imports in progress must not be unwound with a traceback
+        # nothing to clean up, and imports in progress must not print a traceback
         os._exit(stopped)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, leave)
-    # who has become this process may have held them back until there is somebody to take them
+    # the program that executed this one may have blocked the signals until now
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
     keep_standard_streams()
     set_up_libraries()
-    # nothing of what is imported is garbage: 0.05 s
+    # imports create no garbage: this saves 0.05 s
     gc.disable()
     from ares_node.parent import end_with_launcher
     from ares_node.requirements import missing_middleware, unmet
@@ -144,6 +144,6 @@ def enter(package: str, node: str, name: str, extra: str = "", stopped: int = EX
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError):
             stream.flush()
-    # the node has freed what it held; the end of the interpreter, which must not be interrupted
-    # either, and of the middleware, which sleeps in it, would take 0.2 s of a flight
+    # the node has released its resources; the teardown of interpreter and middleware would take
+    # 0.2 s and could be interrupted
     os._exit(status)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A word of each node once a second: that it lives, how busy it is, how long it takes.
+"""Heartbeat of each node once a second: lifecycle state, message rate, longest callback.
 
-By the conventions of diagnostic_updater: one status per task, named `node: task`, at the level of
-the task, with the wall clock in the stamp. It differs from machine to machine: no bag holds it, and
-no verdict is made from it.
+It follows the conventions of diagnostic_updater: one status per task, named `node: task`, at the
+level of the task, stamped by the wall clock. It differs between machines: no bag holds it, and no
+verdict uses it.
 """
 
 import time
@@ -18,21 +18,21 @@ from rclpy.node import Node
 from ares_node.diagnostics import hardware_id
 from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS
 
-#: Wall time in s between words.
+#: Period of the heartbeat, wall time, s.
 PERIOD = 1.0
-#: What the name of the status ends with.
+#: Suffix of the status name.
 _TASK = ": heartbeat"
-#: Hardware id of a node that takes part in no flight.
+#: Hardware id of a node without a flight.
 NO_HARDWARE = "none"
 
 
 def is_heartbeat(status: DiagnosticStatus) -> bool:
-    """Tell a heartbeat from a report on a flight."""
+    """Return whether a status is a heartbeat, not a report on a flight."""
     return status.name.endswith(_TASK)
 
 
 class Heartbeat:
-    """Publishes a node's heartbeat as long as the node is there."""
+    """Publish a node's heartbeat for the life of the node."""
 
     def __init__(
         self,
@@ -43,9 +43,9 @@ class Heartbeat:
         """Begin with the first whole second.
 
         Args:
-            node: whose.
-            state: gives its lifecycle state.
-            flight_id: gives the flight that it takes part in; 0 for none.
+            node: that lives.
+            state: returns its lifecycle state.
+            flight_id: returns its flight; 0 for none.
         """
         self._name = node.get_fully_qualified_name().lstrip("/") + _TASK
         self._state = state
@@ -60,7 +60,7 @@ class Heartbeat:
 
     @contextmanager
     def counted(self) -> Iterator[None]:
-        """Count a message that is taken, and how long that takes."""
+        """Count a received message and measure the time of its callback."""
         begun = time.perf_counter()
         try:
             yield

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Identities of flights and of who takes part in them. No ROS."""
+"""Identities of flights and of their members. No ROS."""
 
 import secrets
 
 
 def new_id() -> int:
-    """A random identity, never 0; it fits into a ROS integer parameter."""
+    """Draw a random identity, never 0, that fits into a ROS integer parameter."""
     return secrets.randbits(62) + 1
 
 
 def id_text(identity: int) -> str:
-    """An identity as people see it."""
+    """Format an identity as 16 hexadecimal digits."""
     return f"{identity:016x}"

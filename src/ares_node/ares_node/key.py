@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key of a flight: handed over in the environment, and keyed digests by it. No ROS."""
+"""Key of a flight, inherited through the environment, and its keyed digests. No ROS."""
 
 import os
 import secrets
@@ -7,23 +7,23 @@ from collections.abc import Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from hashlib import blake2b
 
-#: Holds the key in hexadecimal digits, for every process of a flight. On a command line, or as a
-#: parameter, everybody would see it.
+#: Environment variable with the key in hexadecimal digits, for all processes of a flight. On a
+#: command line or as a parameter it would be public.
 VARIABLE = "ARES_FLIGHT_KEY"
-#: What a report begins with on a message that somebody has said in a name that is not his.
+#: Prefix of reports on messages under a forged identity.
 FORGED = "forged: "
-#: Bytes of a key, and of a digest.
+#: Size of a key and of a digest, bytes.
 KEY_SIZE = 32
 DIGEST_SIZE = 16
 
 
 class FlightKeyError(ValueError):
-    """The key cannot be used; the text is one line and does not hold it."""
+    """Report an unusable key; the text is one line without the key."""
 
 
 @contextmanager
 def new_key(environ: MutableMapping[str, str] = os.environ) -> Iterator[None]:
-    """Hold a key for a flight, which its processes inherit; one that was given stays."""
+    """Put a new key into the environment for a block, unless there is one."""
     given = environ.get(VARIABLE)
     if given:
         yield
@@ -36,10 +36,10 @@ def new_key(environ: MutableMapping[str, str] = os.environ) -> Iterator[None]:
 
 
 def flight_key(environ: Mapping[str, str] = os.environ) -> bytes:
-    """Read the key of the flight; empty where it has none.
+    """Read the key of the flight; empty if it has none.
 
     Raises:
-        FlightKeyError: it is no key.
+        FlightKeyError: the text is not a key.
     """
     text = environ.get(VARIABLE, "")
     try:
@@ -57,6 +57,6 @@ def digest(key: bytes, kind: str, data: bytes) -> bytes:
     Args:
         key: of the flight.
         kind: name of the message's type.
-        data: all its fields, as `canonical` writes them.
+        data: all its fields in the form of `canonical`.
     """
     return blake2b(kind.encode() + b"\0" + data, key=key, digest_size=DIGEST_SIZE).digest()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who takes part in a flight: agreed on before its first navigation state.
+"""Membership in a flight, agreed on before its first navigation state.
 
-The protocol is that of ares_msgs/FlightMember. A node that takes part makes a `Membership` at
-the beginning of its `configure` and calls `listen` at the end of it, after its last endpoint:
-whoever then answers its word is known to hear all its publishers.
+ares_msgs/FlightMember describes the protocol. A member makes a `Membership` at the start of its
+`configure` and calls `listen` at the end, after its last endpoint: a node that answers its
+announcement is then known to receive from all its publishers.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
-from ares_node.diagnostics import Level, worth_saying
+from ares_node.diagnostics import Level, is_worth_reporting
 from ares_node.identity import new_id
 from ares_node.key import FORGED
 from ares_node.parameters import Parameter
@@ -33,7 +33,7 @@ FLIGHT_ID = Parameter(
 
 
 class Role(IntEnum):
-    """What a member does in a flight."""
+    """Name the roles of members in a flight."""
 
     VEHICLE_SIM = FlightMember.VEHICLE_SIM
     GUIDANCE = FlightMember.GUIDANCE
@@ -42,7 +42,7 @@ class Role(IntEnum):
 
 
 class State(IntEnum):
-    """How far a member has come."""
+    """Name the states of a member."""
 
     PREPARING = FlightMember.PREPARING
     PRESENT = FlightMember.PRESENT
@@ -54,32 +54,32 @@ class State(IntEnum):
     PLANNING = FlightMember.PLANNING
 
 
-#: Members that are remembered; of more, those that spoke last.
+#: Largest number of members remembered; the oldest is dropped.
 MOST_HEARD = 1000
 
-#: States in which a simulator has a flight to give away or in the air.
+#: States of a simulator with a flight that is open or in the air.
 OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
 #: States in which a guidance has agreed to a flight.
 AGREED = (State.READY, State.PLANNING)
 
 
-def _content(word: FlightMember) -> tuple[object, ...]:
-    """Return all that a word says, to compare it with others."""
+def _content(announcement: FlightMember) -> tuple[object, ...]:
+    """Return the content of an announcement, to compare it with others."""
     return (
-        word.words,
-        word.state,
-        word.flight_id,
-        word.guidance_id,
-        word.last_sequence,
-        word.reason,
-        word.mission,
-        word.role,
+        announcement.words,
+        announcement.state,
+        announcement.flight_id,
+        announcement.guidance_id,
+        announcement.last_sequence,
+        announcement.reason,
+        announcement.mission,
+        announcement.role,
     )
 
 
-def _state_name(word: FlightMember) -> str:
-    """The state in a word, for people."""
-    return State(word.state).name if word.state in set(State) else f"state {word.state}"
+def _state_name(member: FlightMember) -> str:
+    """Return the name of the state in an announcement."""
+    return State(member.state).name if member.state in set(State) else f"state {member.state}"
 
 
 def _report(node: Node, text: str) -> None:
@@ -89,16 +89,16 @@ def _report(node: Node, text: str) -> None:
 
 
 class Membership:
-    """One node's part in the agreement, and what it has heard of the others.
+    """Announce a node's part in the agreement, and remember the other members.
 
     Attributes:
         member_id: the node's own identity.
-        flight_id: the flight; 0 until one is joined. Set by `say`, as are the next two.
-        guidance_id: the guidance that flies this flight, as far as known; else 0.
-        state: the node's own state.
-        contradicted: words of others in this member's name.
-        seals: of what the node says besides, and of what it hears.
-        foreign: messages of other flights that `belongs` has refused.
+        flight_id: the flight; 0 until one is joined. Set by `say`.
+        guidance_id: the accepted guidance of this flight, if known, else 0. Set by `say`.
+        state: the node's own state. Set by `say`.
+        contradicted: number of forged announcements in this member's name.
+        seals: of the node's other messages.
+        foreign: number of messages of other flights refused by `belongs`.
     """
 
     def __init__(
@@ -109,18 +109,18 @@ class Membership:
         flight_id: int = 0,
         complain: Callable[[str], None] | None = None,
     ) -> None:
-        """Say that the node prepares.
+        """Announce that the node prepares.
 
         Args:
-            node: the node that takes part.
-            role: what it does.
+            node: the member.
+            role: of the member.
             mission: name of its mission; empty for any.
-            flight_id: the flight; 0 joins one that is heard of.
-            complain: gets a line on words of others in names that are not theirs; None: a report
-                of the node, if it makes reports.
+            flight_id: the flight; 0 joins an announced one.
+            complain: called with a line on each forged announcement; None: a report of the
+                node, if it has diagnostics.
 
         Raises:
-            FlightKeyError: the environment holds a key that is none.
+            FlightKeyError: the environment holds an invalid key.
         """
         self.member_id = new_id()
         self.flight_id = flight_id
@@ -131,7 +131,7 @@ class Membership:
         self._node = node
         self._given = flight_id
         self._heard: dict[int, FlightMember] = {}
-        self._word = FlightMember(
+        self._announcement = FlightMember(
             flight_id=flight_id,
             member_id=self.member_id,
             role=role,
@@ -141,23 +141,23 @@ class Membership:
         )
         self._complain = complain or partial(_report, node)
         self.seals = Seals(node, lambda: self.flight_id, self._complain)
-        #: what was said, to tell it from what others say in this name
-        self._said: set[tuple[object, ...]] = set()
+        #: own announcements, to recognise forged ones
+        self._announced: set[tuple[object, ...]] = set()
         self._out = node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
-        #: by which the last word of others was said
+        #: publishers of announcements for other members
         self._others_out: list[Publisher] = []
         self._in: Subscription | None = None
         self._publish()
 
-    def tell_settings(self, settings: str) -> None:
-        """What the member flies by, for its word from `listen` on."""
-        self._word.settings = settings
+    def announce_settings(self, settings: str) -> None:
+        """Attach settings to announcements from `listen` on."""
+        self._announcement.settings = settings
 
     def listen(self, changed: Callable[[FlightMember], None] = lambda _member: None) -> None:
-        """Say that the node is there, and hear the others; the last endpoint to be made.
+        """Announce that the node is present and subscribe to the others; call it last.
 
         Args:
-            changed: called with the word of another member when it has said something new.
+            changed: called with each new announcement of another member.
         """
         self._changed = changed
         self.say(State.PRESENT)
@@ -166,7 +166,7 @@ class Membership:
         )
 
     def close(self) -> None:
-        """Take part no more; that it failed is its last word."""
+        """Announce that the member has left, unless it has failed, and free the endpoints."""
         if self.state is not State.FAILED:
             self.say(State.LEFT)
         if self._in is not None:
@@ -176,27 +176,27 @@ class Membership:
         self.seals.close()
 
     def wait_until_heard(self, seconds: float) -> None:
-        """Let the others get the own word, for so long at most."""
+        """Wait until the others have received the last announcement, at most ``seconds``."""
         self._out.wait_for_all_acked(Duration(seconds=seconds))
 
-    def speak_for(self, member_id: int) -> None:
-        """Say for another member, whose process is no more, that it takes part no more."""
-        word = self._heard.get(member_id)
-        if word is None or word.state == State.LEFT:
+    def announce_departure(self, member_id: int) -> None:
+        """Announce that another member, whose process has ended, has left."""
+        announcement = self._heard.get(member_id)
+        if announcement is None or announcement.state == State.LEFT:
             return
-        word.state = State.LEFT
-        word.words += 1
-        # not the own publisher: who comes later gets the last word of each
+        announcement.state = State.LEFT
+        announcement.words += 1
+        # another publisher: late readers get the last announcement of each publisher
         publisher = self._node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
         self._others_out.append(publisher)
-        publisher.publish(self.seals.sealed(word))
+        publisher.publish(self.seals.sealed(announcement))
 
-    # ---- the own word
+    # ---- own announcements
 
     def _publish(self) -> None:
-        self._word.words += 1
-        self._said.add(_content(self._word))
-        self._out.publish(self.seals.sealed(self._word))
+        self._announcement.words += 1
+        self._announced.add(_content(self._announcement))
+        self._out.publish(self.seals.sealed(self._announcement))
 
     def say(
         self,
@@ -207,37 +207,37 @@ class Membership:
         last_sequence: int = 0,
         reason: str = "",
     ) -> None:
-        """Change the own word and tell the others; what is not given stays."""
-        word = self._word
+        """Change the own state and announce it; arguments that are None keep their values."""
+        announcement = self._announcement
         before = (self.state, self.flight_id, self.guidance_id)
-        self.state = word.state = state
+        self.state = announcement.state = state
         if flight_id is not None:
-            self.flight_id = word.flight_id = int(flight_id)
+            self.flight_id = announcement.flight_id = int(flight_id)
         if guidance_id is not None:
-            self.guidance_id = word.guidance_id = int(guidance_id)
-        word.last_sequence = last_sequence
-        word.reason = reason
+            self.guidance_id = announcement.guidance_id = int(guidance_id)
+        announcement.last_sequence = last_sequence
+        announcement.reason = reason
         if before != (self.state, self.flight_id, self.guidance_id):
             self._publish()
 
-    # ---- the others
+    # ---- other members
 
     def _on_member(self, member: FlightMember) -> None:
         known = self._heard.get(int(member.member_id))
         own = member.member_id == self.member_id
         if not self.seals.proves(member):
-            # a stranger, who may have his own business here, has no part in this flight
+            # an unknown node without the key, perhaps of another flight, is ignored
             if own or known is not None:
                 self.seals.note(f"a word of {member.node}, {_state_name(member)}")
             if own:
                 self._publish()
             return
         if own:
-            if _content(member) not in self._said:
+            if _content(member) not in self._announced:
                 self._contradict(member)
             return
         if self.seals.key and known is not None and member.words <= known.words:
-            # said before, and now by somebody else
+            # a replay of an old announcement
             return
         self._heard[int(member.member_id)] = member
         if len(self._heard) > MOST_HEARD:
@@ -245,17 +245,17 @@ class Membership:
         self._changed(member)
 
     def _contradict(self, member: FlightMember) -> None:
-        """Say the own word again: somebody else has said another in this name."""
+        """Repeat the own announcement after a forged one in this member's name."""
         self.contradicted += 1
-        if worth_saying(self.contradicted):
+        if is_worth_reporting(self.contradicted):
             self._complain(
-                f"{FORGED}a word in the name of {self._word.node}, {_state_name(member)}, "
+                f"{FORGED}a word in the name of {self._announcement.node}, {_state_name(member)}, "
                 f"contradicted ({self.contradicted} so far)"
             )
         self._publish()
 
     def others(self, role: Role, *states: State) -> list[FlightMember]:
-        """Members of this flight in a role and in one of some states, in order of arrival."""
+        """Return the members of this flight in a role and in given states, in order of arrival."""
         return [
             member
             for member in self._heard.values()
@@ -265,7 +265,7 @@ class Membership:
         ]
 
     def preparing(self, role: Role) -> bool:
-        """Whether somebody who may come to take this role still prepares."""
+        """Return whether a possible member in this role still prepares."""
         return any(
             member.role == role
             and member.state == State.PREPARING
@@ -275,28 +275,28 @@ class Membership:
 
     @property
     def simulator(self) -> FlightMember | None:
-        """The last word of the simulator of this flight; None if there is none."""
+        """Return the last announcement of this flight's simulator, or None."""
         simulators = self.others(Role.VEHICLE_SIM) if self.flight_id else []
         return simulators[-1] if simulators else None
 
     @property
     def guidance(self) -> FlightMember | None:
-        """The last word of the guidance that the simulator has accepted; None if there is none."""
+        """Return the last announcement of the accepted guidance, or None."""
         simulator = self.simulator
         return self._heard.get(int(simulator.guidance_id)) if simulator is not None else None
 
     def belongs(self, flight_id: int) -> bool:
-        """Whether a message is of this flight; counts it if not."""
+        """Return whether a message is of this flight; count it if not."""
         if flight_id == self.flight_id and flight_id:
             return True
         self.foreign += 1
         return False
 
     def join(self, again: bool = False) -> FlightMember | None:
-        """The simulator of the flight; joins a flight first if none was given.
+        """Return the simulator of the flight; join a flight first if none was given.
 
         Args:
-            again: leave the flight that was joined, not given, for one that waits for guidance.
+            again: leave a flight that was joined, not given, for one that waits for guidance.
         """
         if self.flight_id == 0 or (again and not self._given):
             simulators = [
@@ -311,14 +311,14 @@ class Membership:
         return self.simulator
 
     def agree(self, guidance_id: int, state: State = State.READY) -> None:
-        """Say that simulator and guidance are heard, and which guidance that is."""
+        """Announce that simulator and guidance ``guidance_id`` are received."""
         self.say(state, guidance_id=guidance_id)
 
-    def witness(self) -> bool:
-        """What recorder and judge do when somebody has spoken: agree once they hear all.
+    def agree_as_observer(self) -> bool:
+        """Agree, as a recorder or judge, once simulator and guidance are received.
 
         Returns:
-            Whether a simulator has a guidance, and this member hears both.
+            Whether the simulator has a guidance and this member receives both.
         """
         simulator = self.join()
         if simulator is None or not simulator.guidance_id:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Name what all flights of a ROS domain would share. No ROS."""
+"""Topic and frame names of a flight that shares a ROS domain with others. No ROS."""
 
-#: Namespace of the nodes of a flight that is told none.
+#: Default namespace of the nodes of a flight.
 NAMESPACE = "ares"
 
 CLOCK = "/clock"
@@ -11,13 +11,13 @@ TF_STATIC = "/tf_static"
 
 
 def own_names(namespace: str) -> dict[str, str]:
-    """Remap the names by which every tool looks for a robot to names of one flight's own.
+    """Map the names expected by common tools to names in the flight's namespace.
 
     Args:
         namespace: of the flight's nodes; NAMESPACE keeps the names as they are.
 
     Returns:
-        New names, relative to the namespace, by old ones.
+        New names, relative to the namespace, by old names.
     """
     if namespace.strip("/") == NAMESPACE:
         return {}
@@ -25,10 +25,10 @@ def own_names(namespace: str) -> dict[str, str]:
 
 
 def own_frames(namespace: str) -> str:
-    """Give the prefix of a flight's frames; as for :func:`own_names`, empty for NAMESPACE."""
+    """Return the prefix of a flight's frames; empty for NAMESPACE."""
     return f"{namespace.strip('/')}/" if own_names(namespace) else ""
 
 
 def remappings(namespace: str) -> list[str]:
-    """Write :func:`own_names` as words of a command line after `--ros-args`."""
+    """Return :func:`own_names` as command-line arguments after `--ros-args`."""
     return [word for old, new in own_names(namespace).items() for word in ("-r", f"{old}:={new}")]

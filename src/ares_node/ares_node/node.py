@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of the lifecycle nodes: refusals with a reason, an end, an exit status."""
+"""Base class of the lifecycle nodes: transitions refused with a reason, end, exit status."""
 
 import threading
 import time
@@ -22,7 +22,7 @@ from ares_node.parameters import Parameter, declare_parameters, read_parameters
 from ares_node.qos import NAMESPACE
 from ares_node.states import Unreadable
 
-#: Wall time in s after which a node that still configures says so, again and again.
+#: Period of the lines of a node that still configures, wall time, s.
 PATIENCE = 10.0
 
 AUTOSTART = Parameter(
@@ -34,27 +34,27 @@ AUTOSTART = Parameter(
 
 
 class NodeError(Exception):
-    """A transition cannot be made; the text is the one line that says why."""
+    """Report a refused transition; the text is the reason in one line."""
 
 
 class FlightNode(LifecycleNode):
-    """Lifecycle node of the graph.
+    """Run a lifecycle node of the graph.
 
     A subclass overrides `configure`, `activate`, `deactivate`, `cleanup`, `abandon`, `adjust` and
     `drain`, never the `on_...` callbacks. Raising NodeError (or OSError or ValueError with a
     one-line text) refuses the transition: the reason is kept in `failure` and goes to /rosout.
 
     Attributes:
-        disposable: what a callback works on may be dropped when the process is to end.
-        values: parameters in force, by name; `configure` finds what was set before it.
+        disposable: the work of a callback may be dropped at the end of the process.
+        values: parameters in force, by name; those set before `configure` are included.
         diagnostics: the node's reports.
-        heartbeat: its word once a second, that it lives.
-        failure: why the last transition was refused, one line; None if it was not.
-        done: the node has ended the run itself (`finish`); its process may exit.
-        when_done: called when it has.
-        interrupted: whether a signal has asked the process to end.
+        heartbeat: the node's heartbeat.
+        failure: reason of the last refused transition, one line, else None.
+        done: the node has ended the run (`finish`); its process may exit.
+        when_done: called by `finish`.
+        interrupted: returns whether a signal has asked the process to end.
         exit_code: exit status of the node's process.
-        unreadable: messages taken as bytes that could not be read.
+        unreadable: number of raw messages that could not be parsed.
     """
 
     disposable = False
@@ -79,7 +79,7 @@ class FlightNode(LifecycleNode):
         Raises:
             ParameterError: a parameter is unknown, of the wrong type or out of range.
         """
-        # rclpy makes readers of its own
+        # rclpy creates subscriptions before the base constructor returns
         self._readers: set[Subscription] = set()
         super().__init__(node_name, namespace=namespace, **kwargs)
         self.failure: str | None = None
@@ -111,26 +111,26 @@ class FlightNode(LifecycleNode):
         """Free what `configure` allocated. Also called before the node shuts down."""
 
     def abandon(self) -> None:
-        """In the end, let go of what an interrupted transition has left."""
+        """Release the remains of an interrupted transition at the end."""
 
     def adjust(self) -> None:
-        """Take what was set of the parameters that may be set `at_any_time`."""
+        """Apply changed parameters that may be set `at_any_time`."""
 
     def drain(self, executor: Executor) -> None:
-        """Finish what is under way before the process tears the node down.
+        """Finish work in progress before the process destroys the node.
 
         Called outside the executor's callbacks, with a context that is still valid.
         """
 
     @property
     def flight_id(self) -> int:
-        """Identity of the flight that the node takes part in; 0 for none."""
-        # made by `configure`, of the nodes that take part in flights
+        """Return the identity of the node's flight; 0 for none."""
+        # only members of flights have one, from `configure` on
         membership = getattr(self, "_membership", None)
         return membership.flight_id if membership is not None else 0
 
     def may_be_abandoned(self) -> bool:
-        """Whether the process may end in the middle of what the node does now."""
+        """Return whether the process may end in the middle of the node's present work."""
         return self.disposable or self._label == "configuring"
 
     def finish(self, exit_code: int = 0) -> None:
@@ -149,14 +149,14 @@ class FlightNode(LifecycleNode):
         raw: bool = False,
         **more: Any,
     ) -> Subscription:
-        """As rclpy's; what a callback finds `Unreadable` is dropped, counted and reported once.
+        """Create a subscription that drops, counts and once reports `Unreadable` messages.
 
-        Who publishes may have another definition of the type than the one here.
+        A publisher may have another definition of the type. Arguments as in rclpy.
         """
 
-        def take(message: Any) -> None:
+        def receive(message: Any) -> None:
             if reader not in self._readers:
-                # the executor held it for a reader that has been destroyed meanwhile
+                # the executor held it for a subscription that has been destroyed
                 return
             try:
                 with self.heartbeat.counted():
@@ -167,21 +167,21 @@ class FlightNode(LifecycleNode):
                     text = f"{topic}: a message that cannot be read: {error}"
                     self.diagnostics.report(Level.WARN, text, 0)
 
-        reader = super().create_subscription(msg_type, topic, take, qos_profile, raw=raw, **more)
+        reader = super().create_subscription(msg_type, topic, receive, qos_profile, raw=raw, **more)
         self._readers.add(reader)
         return reader
 
     def destroy_subscription(self, subscription: Subscription) -> bool:
-        """As rclpy's; what was for it and has not been taken is dropped."""
+        """Destroy a subscription and drop its pending messages."""
         self._readers.discard(subscription)
         return bool(super().destroy_subscription(subscription))
 
     def wall_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
-        """A timer on the steady clock of this machine, whatever `use_sim_time` says."""
+        """Create a timer on this machine's steady clock, regardless of `use_sim_time`."""
         clock = Clock(clock_type=ClockType.STEADY_TIME)
 
         def due() -> None:
-            # the executor may hold a word of a timer that has been destroyed meanwhile
+            # the executor may hold a call of a timer that has been destroyed
             if timer in self.timers:
                 callback()
 
@@ -189,7 +189,7 @@ class FlightNode(LifecycleNode):
         return timer
 
     def start(self) -> bool:
-        """Configure and activate; False if either was refused (`failure` says why)."""
+        """Configure and activate; return False, with the reason in `failure`, if one is refused."""
         self._starting = True
         try:
             return all(
@@ -200,23 +200,23 @@ class FlightNode(LifecycleNode):
             self._starting = False
 
     def stop(self) -> None:
-        """Take the node to its final state, from whatever state it is in."""
+        """Bring the node to its final state from any state."""
         if self._label in ("unconfigured", "inactive", "active"):
             self.trigger_shutdown()
         self.abandon()
 
     def destroy_node(self) -> None:
-        """Destroy the node with its lifecycle, which holds it and its participant otherwise."""
+        """Destroy the node and its state machine, which would keep the node's participant alive."""
         super().destroy_node()
         self._state_machine.destroy_when_not_in_use()
 
     @property
     def _label(self) -> str:
-        """The lifecycle state."""
+        """Return the label of the lifecycle state."""
         return str(self._state_machine.current_state[1])
 
     def _why_fixed(self, row: Parameter) -> str | None:
-        """Why a parameter cannot be set in this state; None if it can."""
+        """Return the reason why a parameter cannot be set in this state, or None."""
         if self._label == "unconfigured" or row.at_any_time:
             return None
         return f"the node is {self._label}, and configured with it; clean it up first"
@@ -239,8 +239,8 @@ class FlightNode(LifecycleNode):
         except (NodeError, OSError, ValueError) as error:
             self.failure = folded(str(error))
         except Exception as error:
-            # rclpy would swallow it; a defect must be seen. What a signal raised in an import
-            # may arrive as an error of the library that was being imported.
+            # rclpy would swallow a defect. An exception by a signal during an import may arrive as
+            # an error of the imported library.
             if not (self._starting and self.interrupted()):
                 traceback.print_exc()
             self.failure = f"{type(error).__name__}: {folded(str(error))}"
@@ -249,31 +249,31 @@ class FlightNode(LifecycleNode):
         if self._starting and self.interrupted():
             return TransitionCallbackReturn.FAILURE
         if self._starting:
-            # whoever called `start` shows it
-            self.diagnostics.last_words(self.failure)
+            # the caller of `start` shows it
+            self.diagnostics.log_last_error(self.failure)
         else:
             self.get_logger().error(self.failure)
         return TransitionCallbackReturn.FAILURE
 
     def _configure(self) -> None:
         self.values = read_parameters(self, self._table)
-        with self._telling():
+        with self._reporting_progress():
             self.configure()
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
-        """Say now and then that the node still configures, and why that may be."""
+    def _reporting_progress(self) -> Iterator[None]:
+        """Log periodically that the node still configures, with the probable reason."""
         begun = time.monotonic()
         over = threading.Event()
 
-        def tell() -> None:
+        def report() -> None:
             while not over.wait(PATIENCE):
                 self.get_logger().info(
                     f"configuring for {time.monotonic() - begun:.0f} s; "
                     "the first time after a build, kernels are compiled"
                 )
 
-        thread = threading.Thread(target=tell, name="configuring", daemon=True)
+        thread = threading.Thread(target=report, name="configuring", daemon=True)
         thread.start()
         try:
             yield
@@ -282,14 +282,14 @@ class FlightNode(LifecycleNode):
             thread.join()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """rclpy callback; see `configure`."""
+        """Run `configure`; callback of rclpy."""
         result = super().on_configure(state)
         if result == TransitionCallbackReturn.SUCCESS:
             result = self._attempt(self._configure)
         return result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """rclpy callback; see `activate`."""
+        """Run `activate`; callback of rclpy."""
         result = super().on_activate(state)
         if result == TransitionCallbackReturn.SUCCESS:
             result = self._attempt(self.activate)
@@ -298,19 +298,19 @@ class FlightNode(LifecycleNode):
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """rclpy callback; see `deactivate`."""
+        """Run `deactivate`; callback of rclpy."""
         result = self._attempt(self.deactivate)
         super().on_deactivate(state)
         return result
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """rclpy callback; see `cleanup`."""
+        """Run `cleanup`; callback of rclpy."""
         result = self._attempt(self.cleanup)
         super().on_cleanup(state)
         return result
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """rclpy callback: deactivates if active, cleans up, ends the run."""
+        """Deactivate if active, clean up and end the run; callback of rclpy."""
         if state.label == "active":
             self._attempt(self.deactivate)
         if state.label != "unconfigured":

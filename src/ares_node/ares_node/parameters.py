@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters from a table: declared with descriptors, checked before the node starts."""
+"""Parameters of a node from a table, declared with descriptors and checked at the start."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,26 +26,26 @@ _TYPE_NAMES = {
 
 
 class ParameterError(ValueError):
-    """A parameter is unknown, of the wrong type or out of range; the text is one line."""
+    """Report a parameter that is unknown, of the wrong type or out of range; one line."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row of a node's parameter table.
+    """Describe a parameter, one row of a node's table.
 
     The type is that of the default: bool, int, float, str or a tuple of str (not empty).
 
     Attributes:
         name: parameter name.
-        default: value when nobody sets it.
-        description: what it does, one sentence.
+        default: value if it is not set.
+        description: of its effect, one sentence.
         unit: SI unit; empty for a pure number or a text.
         minimum: smallest allowed value of a number.
         maximum: largest allowed value of a number.
         choices: allowed texts; empty allows any.
-        read_only: fixed once the node is constructed; the others are read by `configure`.
-        at_any_time: may be set when the node is configured too, and counts from then on.
-        may_be_nan: NaN is a value with a meaning ("not given").
+        read_only: fixed at construction of the node; others are read by `configure`.
+        at_any_time: may also be set on a configured node, with immediate effect.
+        may_be_nan: NaN is allowed and means "not given".
     """
 
     name: str
@@ -61,7 +61,7 @@ class Parameter:
 
     @property
     def expected(self) -> str:
-        """What a value must be, in words."""
+        """Describe the allowed values."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         words = _TYPE_NAMES[type(self.default)]
@@ -74,7 +74,7 @@ class Parameter:
         return f"{words} {self.unit}".rstrip()
 
     def checked(self, value: Any) -> Any:
-        """The value in the parameter's type; an integer is taken where a number is asked for.
+        """Check a value and return it in the parameter's type; an integer is valid as a float.
 
         Raises:
             ParameterError: wrong type, out of range, not finite, or not one of the choices.
@@ -100,7 +100,7 @@ class Parameter:
         return value
 
     def descriptor(self) -> ParameterDescriptor:
-        """The descriptor that `ros2 param describe` shows."""
+        """Build the descriptor for `ros2 param describe`."""
         unit = f" [{self.unit}]" if self.unit else ""
         descriptor = ParameterDescriptor(
             description=self.description + unit,
@@ -128,18 +128,18 @@ def declare_parameters(
 ) -> dict[str, Any]:
     """Declare a node's whole table and return the values in force.
 
-    A parameter that was given to the node and is in no table is refused: a misspelt name
-    would otherwise fly the default in silence.
+    A given parameter that is not in the table is refused: a misspelt name would otherwise use the
+    default silently.
 
     Args:
         node: the node, after its own constructor.
-        table: every parameter of the node; call this once per node.
-        refusal: why a parameter may not be set now, one line; None if it may.
+        table: all parameters of the node; call this once per node.
+        refusal: returns the reason why a parameter may not be set now, one line, or None.
 
     Raises:
         ParameterError: an unknown name, a wrong type or a value out of range.
     """
-    overrides = node._parameter_overrides  # the only way to see what was given
+    overrides = node._parameter_overrides  # rclpy has no public access to given values
     for row in table:
         value = row.default
         if row.name in overrides:
@@ -176,5 +176,5 @@ def declare_parameters(
 
 
 def read_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
-    """The values that a node's declared parameters have now, by name."""
+    """Read the present values of a node's declared parameters, by name."""
     return {row.name: row.checked(node.get_parameter(row.name).value) for row in table}

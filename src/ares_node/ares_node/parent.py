@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""End with the process that started the flight. Standard library only.
+"""End of a process with the launcher of its flight. Standard library only.
 
-`ros2 launch` leaves its nodes behind when it gets SIGTERM or SIGKILL. Nodes that it starts for a
-flight are told its process id, and end when it is gone; nodes that are started by hand are told
-none, and outlive their shell where that is wanted.
+`ros2 launch` leaves its nodes behind after SIGTERM or SIGKILL. Nodes that it starts for a flight
+get its process id in the environment and end with it; nodes that are started by hand get none and
+outlive their shell.
 """
 
 import contextlib
@@ -14,17 +14,17 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 
-#: Names the process to end with, by its id.
+#: Environment variable with the process id of the launcher.
 LAUNCHER = "ARES_LAUNCHER_PID"
-#: Wall time in s that a process whose parent is gone gets to end in good order.
+#: Time between SIGTERM and SIGKILL after the end of the launcher, wall time, s.
 GRACE = 4.0
 
 
 def end_after(gone: Callable[[], object]) -> None:
-    """End this process, by SIGTERM and after GRACE by SIGKILL, as soon as a call has returned.
+    """End this process, by SIGTERM and after GRACE by SIGKILL, when a call returns.
 
     Args:
-        gone: returns when the parent is gone; called in a thread of its own.
+        gone: blocks until the parent has ended; called in a thread of its own.
     """
 
     def watch() -> None:
@@ -37,7 +37,7 @@ def end_after(gone: Callable[[], object]) -> None:
 
 
 def end_with_launcher(environ: Mapping[str, str] = os.environ) -> None:
-    """End this process with the one that LAUNCHER names, however that one ends."""
+    """End this process with the process named by LAUNCHER, however that one ends."""
     text = environ.get(LAUNCHER, "")
     if not text.isdigit():
         return

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and QoS profiles of the graph, in one place.
+"""Topic names and QoS profiles of the graph.
 
-The depth of the flight topics covers a reader that falls behind for a while: at lock-step
-rates of some kHz the usual depth of 10 loses messages without a word.
+The depth of the flight topics covers a reader that falls behind for a while: at lock-step rates of
+some kHz the usual depth of 10 loses messages silently.
 """
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -22,7 +22,7 @@ DIAGNOSTICS = names.DIAGNOSTICS
 TF = names.TF
 TF_STATIC = names.TF_STATIC
 FLIGHT_SEAL = "flight_seal"
-#: What took how long: in no bag, which says of a flight what is the same on every machine.
+#: Wall-clock facts. Not recorded: bags hold only data that is equal on every machine.
 TIMING = "timing"
 LOG = "/rosout"
 SOLVE_TRAJECTORY = "solve_trajectory"
@@ -30,10 +30,9 @@ OPTIMIZE_TRAJECTORY = "optimize_trajectory"
 
 
 def reliable(depth: int, *, keep_for_late: bool = False) -> QoSProfile:
-    """A reliable keep-last profile of the given depth.
+    """Build a reliable keep-last profile of the given depth.
 
-    `keep_for_late` makes it transient local: a reader that joins late gets the last
-    `depth` messages too.
+    `keep_for_late` makes it transient local: a late reader gets the last `depth` messages too.
     """
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -47,22 +46,22 @@ def reliable(depth: int, *, keep_for_late: bool = False) -> QoSProfile:
 
 #: nav_state, vehicle_state, thrust_command, guidance_status: both ends.
 FLIGHT = reliable(1000)
-#: What a viewer asks for of these: the last message, if it is in time for it.
+#: Profile of a viewer of these topics: the latest message, best effort.
 LATEST = QoSProfile(
     history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
 )
 #: flight_event: both ends.
 EVENTS = reliable(100, keep_for_late=True)
-#: flight_member: each writer's last word; the reader hears all of them.
+#: flight_member: the last message of each writer; the reader gets those of all writers.
 MEMBER = reliable(1, keep_for_late=True)
 MEMBERS = reliable(100, keep_for_late=True)
 #: /diagnostics, publishing side.
 DIAGNOSTIC = reliable(1000)
-#: /rosout, publishing side, as every ROS 2 node offers it.
+#: /rosout, publishing side, as in every ROS 2 node.
 LOG_QOS = reliable(1000, keep_for_late=True)
 #: /clock, publishing side. Reliable serves best-effort readers (rclpy) and reliable ones.
 CLOCK_QOS = reliable(10)
-#: What the recorder asks for: deep enough to hold a whole flight of the default length.
+#: Recorder: deep enough for a whole flight of the default mission.
 RECORDER = reliable(10_000)
-#: What the recorder asks for on flight_event.
+#: Recorder on flight_event.
 RECORDER_EVENTS = reliable(10_000, keep_for_late=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Find what is missing before it is imported: packages of the Python Package Index, middleware.
+"""Check of required Python packages and middleware before their import.
 
-Each package's `setup.py` says it in `install_requires`, in the forms `name` and
+Requirements are those of `install_requires` in each package's `setup.py`, in the forms `name` and
 `name>=version`. Standard library only.
 """
 
@@ -11,28 +11,28 @@ from collections.abc import Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 
-#: The project's own packages; their requirements count too.
+#: Prefix of the project's own packages; their requirements count too.
 OWN = "ares_"
-#: Where ROS middleware is registered below a prefix, by its name.
+#: Pattern of the files that register ROS middleware below a prefix.
 _MIDDLEWARE = "share/ament_index/resource_index/rmw_typesupport/*"
 
 _FORM = re.compile(r"([\w.-]+?)\s*(?:>=\s*([\d.]+))?")
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The leading numbers of a version: 2.14.0rc1 gives 2, 14, 0."""
+    """Parse the leading numbers of a version: 2.14.0rc1 gives 2, 14, 0."""
     return tuple(int(part) for part in re.findall(r"(?:^|\.)(\d+)", version))
 
 
 def requirements(distribution: str, extra: str = "") -> Iterator[tuple[str, str]]:
-    """Foreign packages that an installed package and those of the project below it need.
+    """List the foreign packages required by a package and its own packages below.
 
     Args:
-        distribution: name of the package; none of it is known if it is not installed.
-        extra: one of its `extras_require`, or of those below it, that counts too.
+        distribution: name of the package; without requirements if it is not installed.
+        extra: name of optional requirements to include.
 
     Yields:
-        name and smallest version; empty: any.
+        name and least version, empty for any.
     """
     waiting, seen = [distribution], set()
     while waiting:
@@ -61,9 +61,9 @@ def requirements(distribution: str, extra: str = "") -> Iterator[tuple[str, str]
 
 
 def missing_middleware(environ: Mapping[str, str] = os.environ) -> str | None:
-    """One line on a ROS middleware that is asked for and not installed; None if there is none.
+    """Return one line on a requested ROS middleware that is not installed, or None.
 
-    rcl ends the process, as soon as it is loaded, with a status of its own.
+    rcl would end the process during its import, with another exit status.
     """
     asked = environ.get("RMW_IMPLEMENTATION", "")
     prefixes = environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
@@ -75,9 +75,9 @@ def missing_middleware(environ: Mapping[str, str] = os.environ) -> str | None:
 
 
 def unmet(distribution: str, extra: str = "") -> str | None:
-    """One line on the first package that is missing or too old; None if there is none.
+    """Return one line on the first package that is missing or too old, or None.
 
-    Args: as for :func:`requirements`.
+    Args: as in :func:`requirements`.
     """
     for name, least in requirements(distribution, extra):
         wanted = f"{name} {least} or newer" if least else name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The process around a node: start, spin, stop on a signal, exit status."""
+"""Process of a node: start, spin, stop on a signal, exit status."""
 
 import os
 import re
@@ -31,7 +31,7 @@ from ares_node.security import (
 )
 from ares_node.spin import Spinner
 
-#: Wall time in s after a signal, when what may be abandoned is.
+#: Time from a signal to the abandonment of unfinished work, wall time, s.
 ABANDON_AFTER = 1.0
 
 EXIT_OK = 0
@@ -43,7 +43,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class _Stopped(BaseException):
-    """A signal came while the node was still starting."""
+    """Interrupt the start of a node after a signal."""
 
 
 def _keep() -> bool:
@@ -51,19 +51,19 @@ def _keep() -> bool:
 
 
 class StopSignals:
-    """SIGINT, SIGTERM and SIGHUP as a flag, with the context left valid.
+    """Handle SIGINT, SIGTERM and SIGHUP by a flag, and keep the context valid.
 
-    SIGHUP, of a terminal that is closed, unless it was ignored before, as by `nohup`.
+    SIGHUP, of a closed terminal, is not handled if it was ignored before, as by `nohup`.
 
-    rclpy's own handlers, and those that the EventsExecutor installs over them, shut the
-    context down at once; a recorder could then no longer take the messages in its queues.
+    rclpy's own handlers, and those of the EventsExecutor, shut the context down at once; a recorder
+    could then not drain its queues.
 
     Attributes:
         requested: a signal has come.
-        starting: the node is not up yet: a signal interrupts that.
-        abandonable: whether work that does not end soon is left where it is, in compiled
-            code or not, and the process ends with `exit_status`.
-        exit_status: of a process that is left in the middle of something.
+        starting: the node is starting; a signal interrupts that.
+        abandonable: returns whether unfinished work may be abandoned, even in compiled code, by
+            ending the process with `exit_status`.
+        exit_status: of a process that abandons its work.
     """
 
     def __init__(
@@ -81,21 +81,21 @@ class StopSignals:
         first = not self.requested
         self.requested = True
         if self.starting and first:
-            # a second one would come upon what the first one ends
+            # a second exception would disturb the handling of the first
             raise _Stopped
 
     def install(self) -> None:
-        """Take the signals (again): an executor that was just created took them itself."""
+        """Install the handlers, again after an executor has installed its own."""
         for number in self._signals:
             signal.signal(number, self._handle)
 
     def wake_with(self, wake: Callable[[], None] | None) -> None:
-        """What to call, from another thread, to end a sleep inside compiled code."""
+        """Set the function that wakes a sleep in compiled code, from another thread."""
         self._wake = wake
 
     @contextmanager
     def watch(self) -> Iterator[None]:
-        """Hold the signals; the former handlers return at the end."""
+        """Handle the signals for a block; restore the former handlers at the end."""
         former = {number: signal.getsignal(number) for number in self._signals}
         readable, writable = os.pipe()
         os.set_blocking(writable, False)
@@ -104,8 +104,8 @@ class StopSignals:
         former_hook = sys.unraisablehook
 
         def hook(unraisable: "sys.UnraisableHookArgs") -> None:
-            # raised in a callback of compiled code, which cannot pass it on, or of an object that
-            # it has left half made: `requested` stays
+            # an exception in a callback of compiled code cannot propagate, nor one of an object
+            # that the signal has left half made: `requested` holds the signal
             if not self.requested:
                 former_hook(unraisable)
 
@@ -123,8 +123,8 @@ class StopSignals:
                     wake()
                 threading.Thread(target=abandon, name="abandon", daemon=True).start()
 
-        # Python runs its handlers between bytecodes only: an executor asleep in compiled
-        # code would not notice before its timeout
+        # Python runs handlers only between bytecodes: an executor that sleeps in compiled code
+        # would not notice before its timeout
         thread = threading.Thread(target=relay, name="stop-signals", daemon=True)
         thread.start()
         self.install()
@@ -143,7 +143,7 @@ class StopSignals:
 
 
 def one_line(error: BaseException) -> str:
-    """The text of an error on one line, without the source positions that rcl appends."""
+    """Format an error on one line, without the source positions that rcl appends."""
     text = " ".join(str(error).split())
     return re.sub(r", at \S+:\d+", "", text)
 
@@ -167,8 +167,8 @@ def run_node(
     Args:
         factory: the node's class; called with `context=`.
         argv: command line without the program's name (`--ros-args ...`); default sys.argv[1:].
-        name: what error lines begin with before there is a node; default the program's name.
-        stopped: exit status after a signal that came before the node was up.
+        name: prefix of error lines before the node exists; default the program's name.
+        stopped: exit status after a signal during the start.
 
     Returns:
         The exit status: the node's `exit_code` after a run (0 after a signal, unless the

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prove that a message of a flight was said by who has the flight's key.
+"""Seals: proof that the publisher of a message holds the flight's key.
 
-A flight without a key has none of it: `ares_node.key` says how a flight gets one.
+A flight without a key has no seals; see `ares_node.key`.
 """
 
 import time
@@ -18,20 +18,20 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from ares_msgs.msg import Seal
-from ares_node.diagnostics import worth_saying
+from ares_node.diagnostics import is_worth_reporting
 from ares_node.key import FORGED, digest, flight_key
 from ares_node.qos import FLIGHT, FLIGHT_SEAL
 
-#: Seals and messages that wait for each other, of a kind.
+#: Largest number of pending seals, and of pending messages per topic.
 MOST_WAITING = 2000
-#: Wall time in s after which a message without a seal is a forged one at the latest, and between
-#: looks.
+#: Timeout of a message without a seal, after which it counts as forged, and period of the checks,
+#: wall time, s.
 SEAL_TIMEOUT = 1.0
 LOOK_PERIOD = 0.25
 
 
 def canonical(message: Any) -> bytes:
-    """All fields of a message but its digest, the same bytes on every machine."""
+    """Serialize all fields of a message except its digest, equally on every machine."""
     names = message.get_fields_and_field_types()
     return b"".join(_packed(getattr(message, name)) for name in names if name != "digest")
 
@@ -51,39 +51,39 @@ def _packed(value: Any) -> bytes:
 
 
 def digest_of(key: bytes, message: Any) -> bytes:
-    """Return the keyed digest of a message, or of one as it was sent."""
+    """Return the keyed digest of a message or of its serialized content."""
     if isinstance(message, bytes):
         return digest(key, "bytes", message)
     return digest(key, type(message).__name__, canonical(message))
 
 
 def as_field(own: bytes) -> NDArray[np.uint8]:
-    """Make of a digest what a message takes."""
+    """Convert a digest to the field of a message."""
     return np.frombuffer(own, np.uint8)
 
 
 class Reader:
-    """Hands on the messages of one kind that have a seal."""
+    """Hold the pending messages of a topic."""
 
-    def __init__(self, name: str, take: Callable[[Any], None]) -> None:
-        """Nothing waits.
+    def __init__(self, name: str, callback: Callable[[Any], None]) -> None:
+        """Start without pending messages.
 
         Args:
             name: of the topic.
-            take: gets each message with a seal.
+            callback: called with each sealed message.
         """
         self.name = name
-        self.take = take
-        #: messages by digest, with the wall time at which they came
+        self.callback = callback
+        #: messages by digest, with their wall time of arrival
         self.waiting: OrderedDict[bytes, tuple[float, Any]] = OrderedDict()
 
 
 class Seals:
-    """The seals of a node's messages, and those of others.
+    """Seal a node's messages and check the seals of others.
 
     Attributes:
-        key: of the flight; empty: there is none, nothing is sealed and everything is taken.
-        forged: messages without a seal, so far.
+        key: of the flight; empty: nothing is sealed and everything is accepted.
+        forged: number of messages without a seal.
     """
 
     def __init__(
@@ -92,12 +92,12 @@ class Seals:
         """Create the endpoints, if the flight has a key.
 
         Args:
-            node: on which.
-            flight_id: gives the flight that the node takes part in.
-            complain: gets a line on messages without a seal, seldom.
+            node: that owns the endpoints.
+            flight_id: returns the flight of the node.
+            complain: called with a line on forged messages, the first and every tenfold.
 
         Raises:
-            FlightKeyError: the key is none.
+            FlightKeyError: the key is invalid.
         """
         self.key = flight_key()
         self.forged = 0
@@ -110,7 +110,7 @@ class Seals:
             self._out = node.create_publisher(Seal, FLIGHT_SEAL, FLIGHT)
             self._in = node.create_subscription(Seal, FLIGHT_SEAL, self._on_seal, FLIGHT)
             steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=steady)
+            self._timer = node.create_timer(LOOK_PERIOD, self._expire, clock=steady)
 
     def close(self) -> None:
         """Free the endpoints."""
@@ -120,7 +120,7 @@ class Seals:
             self._node.destroy_timer(self._timer)
 
     def seal(self, message: Any) -> None:
-        """Publish the seal of a message that is said now: before it, so that it is there."""
+        """Publish the seal of a message; call it before the message is published."""
         if self.key:
             own = digest_of(self.key, message)
             self._out.publish(Seal(flight_id=self._flight_id(), digest=as_field(own)))
@@ -128,27 +128,27 @@ class Seals:
     def reader(
         self,
         name: str,
-        take: Callable[[Any], None],
+        callback: Callable[[Any], None],
         flight_of: Callable[[Any], int] = lambda message: int(message.flight_id),
         content: Callable[[Any], Any] = lambda message: message,
     ) -> Callable[[Any], None]:
-        """Make of a callback one that hands on what has a seal.
+        """Wrap a callback to receive only sealed messages of this flight.
 
         Args:
             name: of the topic.
-            take: the callback.
-            flight_of: gives the flight of a message.
-            content: gives of a message as bytes those that were sealed.
+            callback: of the subscription.
+            flight_of: returns the flight of a message.
+            content: returns the sealed part of a raw message.
         """
         if not self.key:
-            return take
-        reader = Reader(name, take)
+            return callback
+        reader = Reader(name, callback)
         self._readers.append(reader)
 
-        def hear(message: Any) -> None:
+        def receive(message: Any) -> None:
             if flight_of(message) != self._flight_id():
-                # somebody else's business, which the callback knows
-                take(message)
+                # the callback handles messages of other flights
+                callback(message)
                 return
             own = digest_of(self.key, content(message))
             now = time.monotonic()
@@ -160,10 +160,13 @@ class Seals:
                 reader.waiting.popitem(last=False)
                 self.note(f"a message on {name}")
 
-        return hear
+        return receive
 
     def proves(self, message: Any) -> bool:
-        """Tell whether a message holds its own digest, or the flight has no key."""
+        """Return whether a message holds its own digest; compare in constant time.
+
+        Without a key every message passes.
+        """
         return not self.key or compare_digest(digest_of(self.key, message), bytes(message.digest))
 
     def sealed(self, message: Any) -> Any:
@@ -174,7 +177,7 @@ class Seals:
 
     def _on_seal(self, seal: Seal) -> None:
         own = bytes(seal.digest)
-        # whoever has no key can make no seal that any message has
+        # without the key nobody can make a seal that matches a message
         self._seen[own] = None
         if len(self._seen) > MOST_WAITING:
             self._seen.popitem(last=False)
@@ -184,18 +187,18 @@ class Seals:
                 self._hand_on(reader, *waiting)
 
     def _hand_on(self, reader: Reader, since: float, message: Any) -> None:
-        """Take a message with a seal, and count those that came before it.
+        """Deliver a sealed message, and count earlier pending ones as forged.
 
-        Seals come in the order of their messages, so these have none.
+        Seals arrive in the order of their messages, so the earlier ones have none.
         """
         for own, (came, _) in list(reader.waiting.items()):
             if came < since:
                 del reader.waiting[own]
                 self.note(f"a message on {reader.name}")
-        reader.take(message)
+        reader.callback(message)
 
-    def _look(self) -> None:
-        """Count what has waited too long."""
+    def _expire(self) -> None:
+        """Count messages that have waited too long as forged."""
         now = time.monotonic()
         for reader in self._readers:
             while reader.waiting:
@@ -206,8 +209,8 @@ class Seals:
                 self.note(f"a message on {reader.name}")
 
     def note(self, what: str) -> None:
-        """Count a forged message; say so of the first, and at every tenfold."""
+        """Count a forged message; report the first and every tenfold."""
         self.forged += 1
-        if worth_saying(self.forged):
+        if is_worth_reporting(self.forged):
             text = f"{FORGED}{what} without the seal of the flight, refused"
             self._complain(f"{text} ({self.forged} so far)" if self.forged > 1 else text)

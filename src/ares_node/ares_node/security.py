@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether ROS security that is asked for can be had; if not, nothing starts unprotected. No ROS.
+"""Check that requested ROS security is available, so that nothing starts unprotected. No ROS.
 
-rcl takes ROS_SECURITY_ENABLE as asked for when it is exactly `true`, and a node without keys starts
-without protection unless ROS_SECURITY_STRATEGY says `Enforce`. Fast DDS of the wheels is built
-without its security plugins, and says nothing of it.
+rcl enables security only if ROS_SECURITY_ENABLE is exactly `true`, and a node without keys starts
+unprotected unless ROS_SECURITY_STRATEGY is `Enforce`. Fast DDS of the wheels is built without its
+security plugins and does not report that.
 """
 
 import mmap
@@ -16,34 +16,34 @@ ENABLE = "ROS_SECURITY_ENABLE"
 STRATEGY = "ROS_SECURITY_STRATEGY"
 KEYSTORE = "ROS_SECURITY_KEYSTORE"
 ENCLAVE = "--enclave"
-#: Where the enclaves of the policies are, one for each node by its name.
+#: Path of the policies' enclaves, one per node by its name.
 ENCLAVES = "/ares"
 
-#: In what is built with security, the name of the plugin that proves who somebody is.
+#: Name of the authentication plugin, contained in a library built with security.
 _PLUGIN = b"builtin.PKI-DH"
 _LIBRARY = "libfastrtps.so"
 
 
 class SecurityError(RuntimeError):
-    """Security is asked for and cannot be had; the text is one line."""
+    """Report requested security that is not available; the text is one line."""
 
 
 def stay_on_this_machine(environ: MutableMapping[str, str] = os.environ) -> None:
-    """Let nobody beyond this machine hear, unless the user has said how far discovery goes."""
+    """Limit discovery to this machine unless the user has set its range."""
     if not environ.get(RANGE):
         environ[RANGE] = "LOCALHOST"
 
 
 def is_asked_for(environ: Mapping[str, str] = os.environ) -> bool:
-    """Whether somebody wants it, in whatever spelling."""
+    """Return whether the user requests security, in any spelling."""
     return environ.get(ENABLE, "").strip().lower() not in ("", "0", "false", "no", "off")
 
 
 def check_security(environ: Mapping[str, str] = os.environ) -> None:
-    """Refuse to start unprotected where protection is asked for.
+    """Refuse to start unprotected if security is requested.
 
     Raises:
-        SecurityError: it cannot be had, or would not be enforced.
+        SecurityError: it is not available, or would not be enforced.
     """
     if not is_asked_for(environ):
         return
@@ -66,13 +66,13 @@ def _has_plugins(environ: Mapping[str, str]) -> bool:
 
 
 def _libraries(environ: Mapping[str, str]) -> Iterator[Path]:
-    """Where Fast DDS may be loaded from."""
+    """List the files that Fast DDS may be loaded from."""
     prefixes = environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     folders = [Path(prefix, "lib") for prefix in prefixes if prefix]
     folders += [Path(path) for path in environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if path]
     for folder in dict.fromkeys(folders):
         yield from sorted(folder.glob(_LIBRARY + "*"))
-        # Debian keeps them by the name of the machine
+        # Debian has a folder per architecture
         yield from sorted(folder.glob("*/" + _LIBRARY + "*"))
 
 
@@ -82,11 +82,11 @@ def _holds_plugin(path: Path) -> bool:
 
 
 def enclave_arguments(node: str, given: list[str] | None = None) -> list[str]:
-    """ROS arguments by which a process takes the identity of a node; none without security.
+    """Return the ROS arguments for the enclave of a node; none without security.
 
     Args:
-        node: its name, or that of another enclave of the policies.
-        given: arguments of the command line; an enclave that they name stays.
+        node: name of the node, or of another enclave of the policies.
+        given: arguments of the command line; an enclave in them has priority.
     """
     if not is_asked_for() or ENCLAVE in (given or ()):
         return []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spinning in compiled code, with a look around now and then."""
+"""Spinning in compiled code, with periodic returns to Python."""
 
 from types import TracebackType
 from typing import Self
@@ -10,24 +10,24 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.task import Future
 
-#: Wall time in s between looks.
+#: Period of the returns, wall time, s.
 LOOK_PERIOD = 0.1
-#: Longest time in s in an executor whose timer does not fire.
+#: Timeout of the executor if its timer does not fire, s.
 TIMEOUT = 1.0
 
 
 class Spinner:
-    """Takes an executor's messages until the next look is due.
+    """Spin an executor until the next return is due.
 
-    `spin_once` comes back to Python after each message, which costs as much as the message.
+    `spin_once` returns to Python after each message, which costs as much as the message.
     """
 
     def __init__(self, executor: Executor, node: Node) -> None:
-        """Spin nothing yet.
+        """Create the timer of the returns.
 
         Args:
-            executor: what is spun; the node is on it.
-            node: gets a timer for the looks until `close`.
+            executor: to spin, with the node.
+            node: owner of the timer.
         """
         self._executor = executor
         self._node = node
@@ -36,17 +36,17 @@ class Spinner:
         self._timer = node.create_timer(LOOK_PERIOD, self.come_back, clock=clock)
 
     def spin(self) -> None:
-        """Take what comes for LOOK_PERIOD, or until someone wants to `come_back`."""
+        """Process messages for LOOK_PERIOD, or until `come_back` is called."""
         self._turn = Future()
-        # without a timeout it waits for ever; under load the timeout alone does not end it
+        # without a timeout it could block for ever; under load the timeout alone does not end it
         self._executor.spin_until_future_complete(self._turn, timeout_sec=TIMEOUT)
 
     def come_back(self) -> None:
-        """Look around now; from any thread."""
+        """Return to Python now; may be called from any thread."""
         self._turn.set_result(None)
 
     def __enter__(self) -> Self:
-        """It has its timer already."""
+        """Return the spinner."""
         return self
 
     def __exit__(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States and clock as bytes: what is sent at the full rate is not converted field by field.
+"""Serialization of states and clock without message objects, for the full navigation rate.
 
-NavState and VehicleState have a fixed size. As CDR they are a head and a NumPy record; to make,
-to fill and to convert a message takes longer than all the rest of sending and receiving it.
+NavState and VehicleState have a fixed size: in CDR they are a head and a NumPy record. Making,
+filling and converting a message object takes longer than all the rest of its transport.
 """
 
 from struct import Struct
@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from ares_node.time import NANOSECONDS
 
 _TYPES: dict[str, np.dtype[Any]] = {"double": np.dtype("<f8"), "uint8": np.dtype("<u1")}
-#: Begin of the message class: seconds, nanoseconds, flight, sequence.
+#: First fields of the message classes.
 _HEAD_FIELDS = {
     "stamp": "builtin_interfaces/Time",
     "flight_id": "uint64",
@@ -30,14 +30,14 @@ _BEGIN = len(_LITTLE)
 
 
 class Unreadable(ValueError):
-    """Bytes that are no such message, of another definition or of nobody's."""
+    """Report bytes that are not a message of the expected definition."""
 
 
 def message_of(data: bytes, kind: Any) -> Any:
-    """The message of a class in some CDR.
+    """Deserialize a message of a class from CDR.
 
     Raises:
-        Unreadable: there is none.
+        Unreadable: the bytes are not such a message.
     """
     try:
         return deserialize_message(data, kind)
@@ -46,26 +46,26 @@ def message_of(data: bytes, kind: Any) -> Any:
 
 
 def clock_data(stamp_ns: int) -> bytes:
-    """What a publisher takes in place of a Clock.
+    """Serialize a Clock message.
 
     Args:
-        stamp_ns: time in ns.
+        stamp_ns: time, ns.
     """
     return _LITTLE + _TIME.pack(*divmod(stamp_ns, NANOSECONDS))
 
 
 class StateMessage:
-    """A message class that begins with stamp, flight_id and sequence, as bytes and back.
+    """Serialize and parse a message class that begins with stamp, flight_id and sequence.
 
     Attributes:
-        fields: names of the other fields, in order: those of the record.
+        fields: names of the other fields, in order; fields of the record.
     """
 
     def __init__(self, kind: Any) -> None:
-        """Lay out the fields: CDR puts each number at a multiple of its size.
+        """Compute the layout of the fields: CDR aligns each number to its size.
 
         Raises:
-            TypeError: the class begins otherwise, or a field has no fixed size.
+            TypeError: the class begins differently, or a field has no fixed size.
         """
         named: dict[str, str] = kind.get_fields_and_field_types()
         if dict(list(named.items())[:3]) != _HEAD_FIELDS:
@@ -90,7 +90,7 @@ class StateMessage:
         self._record = np.frombuffer(self._buffer, little, offset=_BEGIN)
         ends = [_HEADS[0].size]
         ends += [at + form.itemsize for at, form in zip(offsets, formats, strict=True)]
-        #: between fields, where NumPy may copy what the record has there
+        #: padding between fields, where NumPy may copy bytes of the record
         self._gaps = [
             slice(_BEGIN + before, _BEGIN + after)
             for before, after in zip(ends, offsets, strict=False)
@@ -98,13 +98,13 @@ class StateMessage:
         ]
 
     def data(self, stamp_ns: int, flight_id: int, sequence: int, record: Any) -> bytes:
-        """What a publisher takes in place of a message.
+        """Serialize a message.
 
         Args:
-            stamp_ns: time in ns.
-            flight_id: as in the message; so the next.
+            stamp_ns: time, ns.
+            flight_id: of the message.
             sequence: number of the state.
-            record: with as many fields as `fields`, in that order.
+            record: fields in the order of `fields`.
         """
         sec, nanosec = divmod(stamp_ns, NANOSECONDS)
         _HEADS[1].pack_into(self._buffer, _BEGIN, sec, nanosec, flight_id, sequence)
@@ -114,14 +114,14 @@ class StateMessage:
         return bytes(self._buffer)
 
     def content(self, data: bytes) -> bytes:
-        """Return the part of a message as bytes that is its own: the middleware may add to it."""
+        """Return the content of a serialized message, without padding by the middleware."""
         return data[_BEGIN : len(self._buffer)]
 
     def read(self, data: bytes) -> tuple[int, int, int, Any]:
-        """Stamp in ns, flight_id, sequence and record of what a raw subscription gets.
+        """Parse a raw message to stamp in ns, flight_id, sequence and record.
 
         Raises:
-            Unreadable: it is shorter than such a message.
+            Unreadable: the data are too short.
         """
         try:
             # the second byte is odd for little endian

@@ -25,7 +25,7 @@ def hold() -> None:
 
 
 class DemoNode(FlightNode):
-    """Reports on /diagnostics until told to stop."""
+    """Report on /diagnostics until told to stop."""
 
     def __init__(self, **kwargs: Any) -> None:
         mode = Parameter("mode", "run", "How to behave.", choices=MODES)
@@ -34,7 +34,7 @@ class DemoNode(FlightNode):
             self.first = self.create_timer(0.001, self.say_idle)
 
     def say_idle(self) -> None:
-        """Once, from inside the run's loop."""
+        """Run once, inside the loop."""
         self.first.cancel()
         print("idle", flush=True)
 
@@ -48,7 +48,7 @@ class DemoNode(FlightNode):
             print("starting", flush=True)
             time.sleep(60.0)
         if mode == "wrapped_start":
-            # as Python 3.11 does with what a `__set_name__` raises
+            # as Python 3.11 wraps an exception of a `__set_name__`
             try:
                 print("starting", flush=True)
                 time.sleep(60.0)

@@ -52,12 +52,12 @@ def test_a_digest_in_a_message_is_not_of_itself():
     before = canonical(word)
     word.digest = as_field(digest_of(KEY, word))
     assert canonical(word) == before
-    # where one text ends and the next begins counts
+    # the boundary between two texts matters
     assert canonical(FlightMember(node="/ares/guidance", reason="ab")) != before
 
 
 class Sent:
-    """Send and hear as a node would, one call after the other."""
+    """Send and receive as a node would, one call after the other."""
 
     def __init__(self, monkeypatch, ros_context):
         monkeypatch.setenv(VARIABLE, KEY.hex())
@@ -68,7 +68,7 @@ class Sent:
         self.hear = self.seals.reader("thrust_command", self.taken.append)
 
     def seal(self, message):
-        """A seal of the message comes, by whoever has the key."""
+        """Deliver a seal of the message made with the key."""
         self.seals._on_seal(Seal(flight_id=7, digest=as_field(digest_of(KEY, message))))
 
 

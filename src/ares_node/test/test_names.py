@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names that flights of one domain would share."""
+"""Names that flights on one domain would share."""
 
 import pytest
 

@@ -10,7 +10,7 @@ import pytest
 
 from ares_node.parent import LAUNCHER
 
-#: Says when it has looked for its launcher, and how it ends.
+#: Prints when it has checked its launcher, and how it ends.
 CHILD = """
 import os, signal, sys, time
 from ares_node.parent import end_with_launcher
@@ -25,7 +25,7 @@ PATIENCE = 120.0
 
 @pytest.fixture
 def launcher():
-    """A process that does nothing."""
+    """Start a process that does nothing."""
     process = subprocess.Popen(["sleep", "600"])
     yield process
     process.kill()
@@ -34,7 +34,7 @@ def launcher():
 
 @pytest.fixture
 def start():
-    """Starts a child that is told its launcher."""
+    """Start a child that knows its launcher."""
     started = []
 
     def run(pid):
@@ -60,7 +60,7 @@ def test_a_node_ends_with_its_launcher(launcher, start, number):
     child = start(launcher.pid)
     assert child.stdout.readline() == "up\n"
     launcher.send_signal(number)
-    # the launcher is a zombie meanwhile: nobody has asked for its status
+    # the launcher is a zombie meanwhile: its status has not been collected
     assert child.wait(PATIENCE) == 3
     assert child.stdout.read() == "asked to end\n"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is not installed, or too old, is one line."""
+"""A package that is missing or too old gives one line."""
 
 import subprocess
 import sys
@@ -74,7 +74,7 @@ def test_the_line(package: str, line: str | None) -> None:
 def test_a_process_says_it_and_ends(
     tmp_path: Path, ros_environment: dict[str, str], package: str
 ) -> None:
-    """With a distribution of another version in front of the installed one."""
+    """Put a distribution of another version in front of the installed one."""
     old = tmp_path / "numpy-1.26.4.dist-info"
     old.mkdir()
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 1.26.4\n")

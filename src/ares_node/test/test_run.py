@@ -117,7 +117,7 @@ def test_a_second_signal_comes_upon_nothing_that_the_first_one_ends() -> None:
 def test_a_signal_in_a_callback_of_compiled_code_is_silent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As numba's, when it takes kernels from its cache."""
+    """Callbacks of numba run while it loads kernels from its cache."""
     seen: list[object] = []
     monkeypatch.setattr(sys, "unraisablehook", seen.append)
     stop = StopSignals()
@@ -199,7 +199,7 @@ def test_reports_carry_name_stamp_and_values(
 
 
 def log_records(context: Context, environment: dict[str, str], mode: str, wanted: str) -> list[Log]:
-    """What a demo says on /rosout until it has said what is wanted."""
+    """Return the records of a demo on /rosout up to a wanted one."""
     node = Node("listener", context=context)
     executor = EventsExecutor(context=context)
     executor.add_node(node)
@@ -246,7 +246,7 @@ def test_the_reason_of_a_refused_start_goes_to_rosout(ros_context: Context) -> N
 
 
 def test_a_timer_that_is_destroyed_says_nothing_more(ros_context: Context) -> None:
-    """Its last word may wait in the executor already."""
+    """A last call of a timer may be pending in the executor when it is destroyed."""
     executor = EventsExecutor(context=ros_context)
     node = FlightNode("demo", context=ros_context)
     heard: list[int] = []
@@ -269,7 +269,7 @@ def test_a_timer_that_is_destroyed_says_nothing_more(ros_context: Context) -> No
 
 
 def test_a_reader_that_is_destroyed_says_nothing_more(ros_context: Context) -> None:
-    """A message for it may wait in the executor already."""
+    """A message may be pending in the executor when its subscription is destroyed."""
     executor = EventsExecutor(context=ros_context)
     node = FlightNode("demo", context=ros_context)
     heard: list[int] = []

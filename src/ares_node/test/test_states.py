@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States as bytes, held against the middleware's own conversion."""
+"""Serialized states against the middleware's own conversion."""
 
 import struct
 
@@ -18,7 +18,7 @@ NUMBERS = {"double": 0.1, "uint8": 7}
 
 
 def made_up(kind):
-    """A message with another value in each field."""
+    """Return a message with a different value in each field."""
     values = {}
     for k, (name, text) in enumerate(kind.get_fields_and_field_types().items()):
         if text == "double[3]":
@@ -29,7 +29,7 @@ def made_up(kind):
 
 
 def plain(message):
-    """Its values by name."""
+    """Return the values of a message by name."""
     fields = message.get_fields_and_field_types()
     return {name: np.asarray(getattr(message, name)).tolist() for name in list(fields)[1:]}
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The off-line optimizer: direct and indirect solutions of the ascent."""
+"""Optimise ascents off line: direct and indirect solutions."""

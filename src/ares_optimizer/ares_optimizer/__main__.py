@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Process of the optimizer node; the node's modules are imported later."""
+"""Run the process of the optimizer node; its modules are imported later."""
 
 import sys
 
@@ -7,7 +7,7 @@ from ares_node.entry import enter
 
 
 def main() -> int:
-    """Run until the node is done or a signal comes."""
+    """Run until the node ends or a signal arrives."""
     return enter("ares_optimizer", "ares_optimizer.node:OptimizerNode", "optimizer", "solve")
 
 

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The method that the mission asks for: the fast one where it is enough, collocation else.
+"""Choose the method for a mission: indirect where it suffices, else collocation.
 
-A mission with one free arc at its end is solved by ``indirect`` in milliseconds; collocation from
-several starts must not beat it. One with more to decide is solved by collocation first, and
-``indirect`` leads what it found to the exact root where the two-point problem knows all that
-holds. What was done stands in ``Solution.steps``.
+A mission whose last arc alone is free is solved by ``indirect`` in milliseconds, and compared with
+collocation from several starts. Other missions are solved by collocation first; ``indirect`` then
+refines the solution to the exact root if the two-point problem has all active constraints.
+``Solution.steps`` records the methods used.
 """
 
 import math
 from dataclasses import replace
 
 from ares_models.floors import floors_of, orbits_of
-from ares_optimizer.collocation.solve import VALLEYS, solve_collocation
+from ares_optimizer.collocation.solve import LOCAL_OPTIMA, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
-from ares_optimizer.indirect.solve import polished, solve_indirect
+from ares_optimizer.indirect.solve import refine_root, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
 from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead
 from ares_optimizer.request import Heating, Request
@@ -29,15 +29,15 @@ from ares_optimizer.solution import (
     next_to_nothing,
 )
 
-#: What collocation finds must be better by so much, as a part of the mass, to count as better.
+#: Least relative gain of mass for which a solution of collocation replaces another.
 _BETTER = 1e-4
-#: And what indirect makes of it must not be worse by more.
+#: Largest relative loss of mass by the refinement with indirect.
 _SAME = 1e-5
-#: So many local optima, and another method may know of one more.
+#: Number of local optima from which the built-in guesses of indirect are tried too.
 _SEVERAL = 2
-#: Propellant of the last burn that is next to nothing, kg.
+#: Negligible propellant of the last burn, kg.
 _NOTHING_KG = 1.0
-#: Length of a free arc that vanishes, s: no cycle can hold its end.
+#: Length of a vanishing free arc, s: too short for a guidance cycle.
 _VANISHING_S = 1.0
 
 
@@ -48,7 +48,7 @@ def solve_auto(request: Request) -> Solution:
         request: see :class:`ares_optimizer.request.Request`; its method is ``auto``.
 
     Returns:
-        the best that they found.
+        the best solution found.
     """
     if request.heating is Heating.FROM_JETTISON:
         solution = solve_direct(replace(request, method="direct20"))
@@ -69,11 +69,11 @@ def solve_auto(request: Request) -> Solution:
         # no other method keeps them
         return replace(found, steps=tuple(steps))
     if found.flyable:
-        other = _beside_valleys(request, found)
+        other = _search_by_indirect(request, found)
         if other is not None:
             steps.append(step("indirect by its own search", other))
             return replace(other, steps=tuple(steps))
-        exact = _polished(request, found)
+        exact = _refined_to_root(request, found)
         if exact is not None:
             steps.append(step("indirect from there", exact))
             return replace(exact, steps=tuple(steps))
@@ -82,7 +82,7 @@ def solve_auto(request: Request) -> Solution:
 
 
 def step(name: str, solution: Solution) -> str:
-    """Say in one line what a method came to."""
+    """Describe the result of a method in one line."""
     if solution.flyable:
         word = "optimal" if solution.converged else "feasible"
         return f"{name}: {word}, {solution.m_f_kg:,.4f} kg"
@@ -90,7 +90,7 @@ def step(name: str, solution: Solution) -> str:
 
 
 def _fast(request: Request) -> Solution | None:
-    """What ``indirect`` finds where the last arc alone is free and no floor is asked for."""
+    """Solve by ``indirect`` if only the last arc is free and no floor is set; else return None."""
     arrays, start = request.arrays, request.state
     if plans_arcs(arrays, start[0]) or any(floor.said for floor in floors_of(arrays, start)):
         return None
@@ -101,27 +101,27 @@ def _fast(request: Request) -> Solution | None:
 
 
 def _saves_the_last_stage(request: Request) -> bool:
-    """Tell whether the last stage has a burn to shorten, so that the final mass is what counts."""
+    """Return true if the last stage has a free burn, so that the final mass is the objective."""
     last = request.arrays.arcs[-1]["stage"]
     return bool(saving_stage(request.arrays, request.state[0]) == last)
 
 
 def _is_floor(check: ConstraintCheck) -> bool:
-    """Whether a check is about the floor of one arc."""
+    """Return true if a check is on the floor of one arc."""
     return check.key is Check.LOWEST_ALTITUDE and " in arc " in check.name
 
 
-def _beside_valleys(request: Request, found: Solution) -> Solution | None:
-    """Search by ``indirect`` where collocation knows of several valleys, or is not sure.
+def _search_by_indirect(request: Request, found: Solution) -> Solution | None:
+    """Search by ``indirect`` if collocation found several local optima or is not sure.
 
     Args:
         request: see :class:`ares_optimizer.request.Request`.
-        found: by collocation.
+        found: solution of collocation.
 
     Returns:
-        what is proven to be better and keeps its floors; None: there is no such flight.
+        a proven, better solution that keeps its floors, or None.
     """
-    if request.deadline.passed or (found.converged and found.notes[VALLEYS] < _SEVERAL):
+    if request.deadline.passed or (found.converged and found.notes[LOCAL_OPTIMA] < _SEVERAL):
         return None
     if not _saves_the_last_stage(request):
         return None
@@ -137,7 +137,7 @@ def _beside_valleys(request: Request, found: Solution) -> Solution | None:
         )
         if not other.converged or other.parameters is None or other.m_f_kg <= least:
             return None
-        exact = polished(request, other.parameters)
+        exact = refine_root(request, other.parameters)
     except OptimizerError:
         return None
     if not exact.converged or exact.m_f_kg <= least or below_floor(arrays, start, exact):
@@ -150,13 +150,13 @@ def _beside_valleys(request: Request, found: Solution) -> Solution | None:
     )
 
 
-def _polished(request: Request, found: Solution) -> Solution | None:
-    """The root of the two-point problem next to a solution; None where that is another problem."""
+def _refined_to_root(request: Request, found: Solution) -> Solution | None:
+    """Refine a solution to the root of the two-point problem; None if that problem differs."""
     touched = any(check.active and _is_floor(check) for check in found.constraints)
     if touched or found.parameters is None or not found.converged:
         return None
     try:
-        exact = polished(request, found.parameters)
+        exact = refine_root(request, found.parameters)
     except OptimizerError:
         return None
     worse = exact.m_f_kg < found.m_f_kg * (1.0 - _SAME)
@@ -176,10 +176,10 @@ def _polished(request: Request, found: Solution) -> Solution | None:
 
 
 def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solution:
-    """What another method finds by its own search where collocation finds nothing.
+    """Try another method after collocation failed.
 
-    Where the burns of fixed length are all but enough, any steering that wastes what is too much
-    will do; ``direct11`` has few enough unknowns to find one that is smooth.
+    If the burns of fixed length almost suffice, any steering that wastes the excess energy is a
+    solution; ``direct11`` has few enough unknowns to find a smooth one.
     """
     if saving_stage(request.arrays, request.state[0]) < 0:
         return replace(found, steps=tuple(steps))
@@ -196,17 +196,17 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
     except OptimizerError:
         return replace(found, steps=tuple(steps))
     if not planned and other.converged:
-        other = _as_good_as(other)
+        other = _rated(other)
     steps.append(step(method, other))
     kept = other.trajectory is not None and not below_floor(request.arrays, request.state, other)
     best = other if other.flyable and kept else found
     return replace(best, steps=tuple(steps))
 
 
-def _as_good_as(solution: Solution) -> Solution:
-    """A direct solution, optimal only as far as its last burn takes next to nothing."""
-    taken = solution.arcs[-1].start_mass_kg - solution.arcs[-1].end_mass_kg
-    if taken < _NOTHING_KG:
-        return replace(solution, reason=next_to_nothing(taken))
+def _rated(solution: Solution) -> Solution:
+    """Set the status of a direct solution: optimal only if its last burn is negligible."""
+    propellant_kg = solution.arcs[-1].start_mass_kg - solution.arcs[-1].end_mass_kg
+    if propellant_kg < _NOTHING_KG:
+        return replace(solution, reason=next_to_nothing(propellant_kg))
     reason = "linear-tangent steering; no other method proves it to be the best"
     return replace(solution, status=Status.FEASIBLE, reason=reason)

@@ -20,12 +20,12 @@ _SAME_TIME = 1e-3  # s
 
 
 def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
-    """Name the floor or orbit that a flight does not keep, and by how much; empty: it keeps all.
+    """Name the floor or orbit that a flight violates, and by how much; "": none.
 
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
-        solution: with its trajectory; without one nothing is known, and nothing is said.
+        solution: checked only if it has a trajectory.
     """
     track, floors = solution.trajectory, floors_of(arrays, start)
     if track is None or not floors:
@@ -37,7 +37,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
             continue
         begin, end = arcs[floor.arc].start_s, arcs[floor.arc].end_s
         low = _lowest_between(arrays, track, (begin, end), floor.altitude_m)
-        # on its way up a vehicle may coast below the default floor
+        # in the ascent a vehicle may coast below the default floor
         counts = floor.said or _rises_to(arrays, track, begin, floor.altitude_m)
         if low < floor.altitude_m - FLOOR_M and counts:
             return (
@@ -57,7 +57,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
     for k, named in orbits_of(arrays, start).items():
         if k not in arcs:
             continue
-        # what still burns as the coast begins belongs to the burn before it
+        # the tail-off at the begin of the coast belongs to the burn before it
         begin = arcs[k].start_s + float(arrays.arcs[k - 1]["tail_time"].max())
         at = int(np.searchsorted(track.time_s, begin - _SAME_TIME))
         judged = judge(track.position[at], track.velocity[at], named[0], mu, ground)
@@ -69,9 +69,9 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
 def _lowest_between(
     arrays: MissionArrays, track: Trajectory, times: tuple[float, float], level: float
 ) -> float:
-    """Least altitude of a trajectory between two times where it may be below a level, m, or inf."""
+    """Return the least altitude below ``level`` between two times, m; inf: none."""
     environment = arrays.environment[0]
-    # no place is lower than above the equatorial radius
+    # altitude is at least the radius minus the equatorial radius
     near = np.linalg.norm(track.position, axis=1) - environment["equatorial_radius"] < level
     inside = (track.time_s >= times[0] - _SAME_TIME) & (track.time_s <= times[1] + _SAME_TIME)
     heights = (float(altitude(tuple(r), environment)) for r in track.position[inside & near])
@@ -79,7 +79,7 @@ def _lowest_between(
 
 
 def _rises_to(arrays: MissionArrays, track: Trajectory, time_s: float, level: float) -> bool:
-    """Tell if a flight has been at an altitude, m, at a time."""
+    """Return true if a flight has been at an altitude, m, up to a time."""
     environment = arrays.environment[0]
     before = track.position[track.time_s <= time_s]
     return any(float(altitude(tuple(r), environment)) >= level for r in before)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mission whose failure is known all along: its arrays, with the burn cut where it fails.
+"""Convert a mission with a known failure to arrays, with the burn split at the failure.
 
-An optimum of them is the best that could have been flown with the failure, by one who steered
-for it from the start.
+Their optimum is the best possible flight with the failure, with steering that anticipates it from
+the start.
 """
 
 import math
@@ -33,11 +33,11 @@ _FAR = 1e7  # s, a cut-off beyond every event
 
 
 class Foreknown(NamedTuple):
-    """A mission with its failure.
+    """Hold a mission with its failure.
 
     Attributes:
-        arrays: what is left to fly; its last arc is a burn of free length.
-        end_s: when that burn ends in any case; inf: when its propellant is gone.
+        arrays: the mission with the failure; its last arc is a burn of free length.
+        end_s: latest end of that burn; inf: depletion.
     """
 
     arrays: MissionArrays
@@ -45,14 +45,14 @@ class Foreknown(NamedTuple):
 
 
 def begin_times(arrays: MissionArrays, start_s: float) -> Array:
-    """When each arc begins, s, and when the last ends (inf), shape (arcs + 1,).
+    """Return the begin of each arc, s, and the end of the last (inf), shape (arcs + 1,).
 
     Args:
         arrays: a mission whose last arc alone is free.
-        start_s: when the first begins.
+        start_s: begin of the first arc.
 
     Raises:
-        UnfitMethod: an arc before the last is free: its begin is a matter of the plan.
+        UnfitMethod: an arc before the last is free.
     """
     durations = arrays.arcs["duration"]
     if not np.isfinite(durations[:-1]).all():
@@ -61,12 +61,11 @@ def begin_times(arrays: MissionArrays, start_s: float) -> Array:
 
 
 def burning_at(arrays: MissionArrays, start_s: float, time_s: float) -> int:
-    """Index of the arc that burns at a time, -1 if none does.
+    """Return the index of the arc that burns at a time; -1: none.
 
     Args:
-        arrays: as of :func:`begin_times`; so the next.
-        start_s: s.
-        time_s: s; at the border of two arcs the later counts.
+        arrays, start_s: as in :func:`begin_times`.
+        time_s: s; at the boundary of two arcs the later counts.
     """
     begins = begin_times(arrays, start_s)
     k = int(np.searchsorted(begins, time_s + SAME_TIME, side="right")) - 1
@@ -76,16 +75,16 @@ def burning_at(arrays: MissionArrays, start_s: float, time_s: float) -> int:
 
 
 def foreknown(arrays: MissionArrays, start: NDArray[np.void], failure: Failure) -> Foreknown:
-    """What is left to fly with a failure: what the plant flies, see ``ares_models.failures``.
+    """Return the mission with a failure as the plant flies it, see ``ares_models.failures``.
 
     Args:
         arrays: a mission whose last arc alone is free.
-        start: where it begins, shape (1,), dtype NAVIGATION.
-        failure: what fails; a time within a burn where it has one.
+        start: shape (1,), dtype NAVIGATION.
+        failure: its time, if it has one, is within a burn.
 
     Raises:
-        UnfitMethod: a mission with other free arcs.
-        OptimizerError: nothing burns then, or nothing is left that burns.
+        UnfitMethod: the mission has other free arcs.
+        OptimizerError: no burn at that time, or none left.
     """
     if failure.kind is FailureKind.STUCK_JETTISON:
         return _without_drop(arrays, failure.jettison)
@@ -118,7 +117,7 @@ def _without_drop(arrays: MissionArrays, jettison: int) -> Foreknown:
 
 
 def _cut_short(arrays: MissionArrays, begins: Array, k: int, time_s: float) -> Foreknown:
-    """All of the burn that arc ``k`` belongs to ends, without a tail-off."""
+    """End the whole burn that arc ``k`` belongs to, without a tail-off."""
     arcs = arrays.arcs.copy()
     following = int(arc_after_burnout(k, arcs))
     into = time_s - float(begins[k])
@@ -133,7 +132,7 @@ def _cut_short(arrays: MissionArrays, begins: Array, k: int, time_s: float) -> F
         burns = np.flatnonzero(arcs["kind"][:k] == BURN)
         if not burns.size:
             raise OptimizerError(f"arc {k} is the first burn; nothing is left without it")
-        # what follows the last thrust is no matter of steering
+        # arcs after the last burn are not steered
         last = int(burns[-1])
         end = float(begins[last + 1])
     arcs = arcs[: last + 1]
@@ -145,7 +144,7 @@ def _cut_short(arrays: MissionArrays, begins: Array, k: int, time_s: float) -> F
 
 
 def _weakened(arrays: MissionArrays, k: int, into: float, failure: Failure) -> Foreknown:
-    """The burn as two arcs, before the failure and after it; the stage's later burns are weak."""
+    """Split the burn at the failure; weaken its rest and the later burns of the stage."""
     lost = failure.kind is FailureKind.ENGINE_OUT
     flow_ratio = failure.thrust_ratio if lost else failure.flow_ratio
     weak = arrays.arcs.copy()
@@ -157,12 +156,12 @@ def _weakened(arrays: MissionArrays, k: int, into: float, failure: Failure) -> F
 def _split(
     whole: NDArray[np.void], weak: NDArray[np.void], into: float
 ) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """A burn up to ``into`` s, none where nothing is, and the burn that it is from then on.
+    """Split a burn ``into`` s after its begin; the first part is empty at the begin.
 
     Args:
-        whole: shape (1,); so the next and what is returned.
-        weak: the same burn from ``into`` on, with the times of the whole.
-        into: s since its begin.
+        whole: shape (1,), as are ``weak`` and both results.
+        weak: the same burn after the failure, with the times of the whole.
+        into: time since its begin, s.
     """
     before, after = whole.copy(), weak.copy()
     after["duration"] -= into
@@ -184,13 +183,13 @@ def _split(
 def _with_rows(
     arrays: MissionArrays, k: int, before: NDArray[np.void], after: NDArray[np.void]
 ) -> MissionArrays:
-    """The mission with two rows in place of arc ``k``."""
+    """Return the mission with two rows in place of arc ``k``."""
     arcs = np.concatenate((arrays.arcs[:k], before, after, arrays.arcs[k + 1 :]))
     return arrays._replace(arcs=arcs)
 
 
 def _mass_at(arrays: MissionArrays, start: NDArray[np.void], time_s: float) -> float:
-    """Mass at a time, kg, with what waits for the heating gone at its ignition."""
+    """Return the mass at a time, kg, with heating jettisons done at ignition."""
     none = np.zeros(0)
     segments = np.zeros(MAX_SEGMENTS, SEGMENT)
     times = Times(HEATING_IGNORED, none, none, _FAR)
@@ -200,7 +199,7 @@ def _mass_at(arrays: MissionArrays, start: NDArray[np.void], time_s: float) -> f
 
 
 def _leave_rest_of_start(arc: NDArray[np.void], into: float) -> None:
-    """Leave of the start of a burn, shape (1,), what comes after ``into`` s."""
+    """Keep the part of a burn's start curve after ``into`` s; shape (1,)."""
     row = arc[0]
     knots = int(row["start_knots"])
     times = row["start_time"].copy()

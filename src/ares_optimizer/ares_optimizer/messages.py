@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Answer the messages of the optimizer's service and of its action.
 
-The node serves with it, and so does whoever has to find the answer of a recorded flight again.
+Used by the node, and by the replay of a recorded flight.
 """
 
 import math
@@ -31,12 +31,12 @@ from ares_optimizer.solve import solve
 
 Response: Any = SolveTrajectory.Response
 
-#: Missions kept as arrays.
+#: Most missions kept as arrays.
 KEPT_MISSIONS = 16
 #: Longest time limit of a request, s.
 LONGEST = 3600.0
 
-#: Error code of a status of which nothing can be flown.
+#: Error codes of the statuses without a flight.
 ERROR_CODES = {
     Status.INFEASIBLE: Response.INFEASIBLE,
     Status.NOT_OPTIMAL: Response.NOT_CONVERGED,
@@ -48,7 +48,7 @@ ERROR_CODES = {
 
 
 class Refused(Exception):
-    """A request that cannot be answered with a trajectory; the text is one line."""
+    """Signal a request without a trajectory; the text is one line."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(reason)
@@ -57,13 +57,13 @@ class Refused(Exception):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A mission as the solvers take it.
+    """Hold a mission as arrays.
 
     Attributes:
         name: of the mission.
         arrays: the mission.
-        start: its own start, shape (1,), dtype NAVIGATION.
-        heating: what its heating limit asks.
+        start: start of the mission, shape (1,), dtype NAVIGATION.
+        heating: where its heating limit holds.
     """
 
     name: str
@@ -72,35 +72,35 @@ class Prepared:
     heating: str
 
 
-class MissionShelf:
-    """Missions as arrays, made again only where their text is another.
+class MissionCache:
+    """Cache missions as arrays, by their text.
 
     Attributes:
-        own: parameter `mission` of the server: the only path that is opened.
+        own: parameter `mission` of the server, the only path that is opened.
     """
 
     def __init__(self, own: str) -> None:
         self.own = own
         self._kept: OrderedDict[bytes, Prepared] = OrderedDict()
 
-    def of_the_server(self) -> Prepared:
-        """The server's own mission, as its file is now.
+    def server_mission(self) -> Prepared:
+        """Read the mission of the server from its file.
 
         Raises:
-            MissionError: no such mission, or its file is wrong; the line may quote it.
+            MissionError: no such mission, or its file is invalid; the line may quote it.
         """
         path = MISSION.find(self.own)
         return self._parsed(read_text(path, MISSION), str(path))
 
     def get(self, name: str, text: str) -> Prepared:
-        """The mission that a request means.
+        """Return the mission of a request.
 
         Args:
-            name: of a shipped mission, or the server's own; empty: its own, unless there is a text.
-            text: of a mission file; empty: the one that is named.
+            name: of a shipped mission or the server's; empty: the server's, unless ``text`` is set.
+            text: of a mission file; empty: the mission by ``name``.
 
         Raises:
-            Refused: no such mission, or its text is wrong; of the server's files nothing is said.
+            Refused: no such mission, or its text is invalid; the line quotes no file of the server.
         """
         if text:
             if name:
@@ -116,9 +116,9 @@ class MissionShelf:
         try:
             if name in shipped:
                 return self._parsed(read_text(MISSION.find(name), MISSION), name)
-            own = self.of_the_server()
+            own = self.server_mission()
         except MissionError as error:
-            # for whoever runs the server: the line may hold words of its files
+            # to the log of the server only: the line may quote its files
             print(f"mission {self.own}: {error}", file=sys.stderr, flush=True)
             raise Refused(
                 Response.INVALID_MISSION, "the server's own mission cannot be read any more"
@@ -150,33 +150,33 @@ class MissionShelf:
 
 
 class Answers:
-    """Answers to requests, one after the other."""
+    """Answer requests, one after the other."""
 
     def __init__(self, mission: str, method: str, time_limit_s: float) -> None:
-        """Solve the own mission once, so that the solver is compiled.
+        """Solve the server's mission once, so that the solver is compiled.
 
         Args:
-            mission: of a request that names none.
-            method: so the next.
-            time_limit_s: wall time, s.
+            mission: default mission of a request.
+            method: default method.
+            time_limit_s: default limit of wall time, s.
 
         Raises:
-            MissionError: no such mission, or its file is wrong.
+            MissionError: no such mission, or its file is invalid.
         """
         self._method = method
         self._time_limit = time_limit_s
-        self._shelf = MissionShelf(mission)
-        own = self._shelf.of_the_server()
+        self._missions = MissionCache(mission)
+        own = self._missions.server_mission()
         _solve(own, method, own.start, Deadline())
 
     def answer(self, request: Any, deadline: Deadline | None = None, kind: Any = Response) -> Any:
-        """The response to a request; a refusal is one.
+        """Return the response to a request, which may be a refusal.
 
         Args:
             request: of the service, or a goal of the action.
-            deadline: by which the search can be ended and is followed; it gets the time limit that
-                is asked for.
-            kind: class of the response: the service's, or the result of the action.
+            deadline: ends the search and reports its progress; the time limit of the request is
+                set on it.
+            kind: class of the response, of the service or of the action's result.
         """
         response = empty(kind)
         try:
@@ -184,7 +184,7 @@ class Answers:
         except Refused as refusal:
             refuse(response, refusal.code, str(refusal))
         except Exception as error:
-            # a defect must be seen, and must not leave the caller without an answer
+            # log the defect, and answer the caller
             traceback.print_exc()
             refuse(response, Response.INTERNAL, f"{type(error).__name__}: {error}")
         return response
@@ -197,7 +197,7 @@ class Answers:
                 Response.UNKNOWN_METHOD, f"method is {method!r}; expected one of {expected}"
             )
         limit = self._limit(request.time_limit)
-        mission = self._shelf.get(request.mission, request.mission_text)
+        mission = self._missions.get(request.mission, request.mission_text)
         state = _navigation(request.nav_state) if request.use_nav_state else mission.start
         begun = time.monotonic()
         try:
@@ -227,7 +227,7 @@ class Answers:
 
 
 def _solve(mission: Prepared, method: str, state: NDArray[np.void], deadline: Deadline) -> Solution:
-    """Solve as fast as the method allows: only the direct ones need the verification flight."""
+    """Solve without verification where the method does not need it for its trajectory."""
     return solve(
         mission.arrays,
         method,
@@ -239,7 +239,7 @@ def _solve(mission: Prepared, method: str, state: NDArray[np.void], deadline: De
 
 
 def feedback(progress: Progress) -> OptimizeTrajectory.Feedback:
-    """A word on a search, as a message."""
+    """Convert the progress of a search to a feedback message."""
     return OptimizeTrajectory.Feedback(
         method=progress.method,
         iterations=progress.iterations,
@@ -249,12 +249,12 @@ def feedback(progress: Progress) -> OptimizeTrajectory.Feedback:
 
 
 def empty(kind: Any = Response) -> Any:
-    """A response, of that class, to a request for which nothing was solved."""
+    """Return a response of class ``kind`` without a solution."""
     return kind(jettison_time=math.nan, cutoff_time=math.nan, final_mass=math.nan)
 
 
 def refuse(response: Any, code: int, reason: str) -> None:
-    """Say in a response why it holds no trajectory."""
+    """Set error code and reason of a response without a trajectory."""
     response.error_code = code
     response.message = " ".join(reason.split())
     response.converged = False
@@ -270,7 +270,7 @@ def _navigation(message: NavState) -> NDArray[np.void]:
 
 
 def _doubles(values: Any) -> "array[float]":
-    """Numbers as a message takes them at once, without looking at each."""
+    """Convert numbers to an array that a message accepts without checks per element."""
     return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optimizer node: serves optimal trajectories, from a mission or from where a flight is."""
+"""Serve optimal trajectories on the graph, from a mission or from a state in flight."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -22,11 +22,11 @@ from ares_optimizer.worker import Job, Worker
 
 Result: Any = OptimizeTrajectory.Result
 
-#: Raised where who asked, or the endpoint, is no more.
+#: Errors raised if the client or the endpoint no longer exists.
 GONE = (rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle)
-#: Wall time in s between words on a search.
+#: Period of feedback, s of wall time.
 FEEDBACK_PERIOD = 0.1
-#: Wall time in s for a search to end with the process.
+#: Wall time for a search to end with the process, s.
 LAST_SEARCH = 1.0
 
 PARAMETERS = (
@@ -44,17 +44,17 @@ PARAMETERS = (
 
 
 class OptimizerNode(FlightNode):
-    """Answers service and action, one request after the other, while it is active.
+    """Answer service and action, one request after the other, while active.
 
-    Searches run in a thread of their own: the node answers a lifecycle manager meanwhile. Requests
-    that come while one is worked on wait: none is lost. The node is a process of its own, so the
-    flight never waits for it.
+    Searches run in a thread of their own, so the node answers a lifecycle manager meanwhile.
+    Requests queue during a search; none is lost. The node is a separate process, so a flight never
+    waits for it.
     """
 
     disposable = True
 
     def __init__(self, more: Sequence[Parameter] = (), **kwargs: Any) -> None:
-        """Declare the parameters; everything else waits for `configure`.
+        """Declare the parameters; `configure` does the rest.
 
         Args:
             more: parameters of a subclass.
@@ -65,7 +65,7 @@ class OptimizerNode(FlightNode):
         self._worker: Worker | None = None
 
     def configure(self) -> None:
-        """Solve the own mission once, so that the solver is compiled; begin to offer the action."""
+        """Solve the default mission once, to compile the solver; create the action."""
         values = self.values
         self.abandon()
         self._answers = Answers(values["mission"], values["method"], values["time_limit_s"])
@@ -82,14 +82,14 @@ class OptimizerNode(FlightNode):
         )
 
     def activate(self) -> None:
-        """Offer the service."""
+        """Create the service."""
         service: Any = self.create_service(SolveTrajectory, SOLVE_TRAJECTORY, self._on_request)
-        # an answer follows when there is one: the executor must not send what the callback returns
+        # the callback returns the request; _put queues it in place of a response by the executor
         service.send_response = self._put
         self._service = service
 
     def deactivate(self) -> None:
-        """Withdraw the service; who waits for an answer is told so."""
+        """Withdraw the service; answer waiting requests with NOT_ACTIVE."""
         service, worker = self._service, self._worker
         if service is None or worker is None:
             return
@@ -103,17 +103,17 @@ class OptimizerNode(FlightNode):
         self._service = None
 
     def cleanup(self) -> None:
-        """Withdraw the action, and end the thread that solves."""
+        """Withdraw the action and end the solver thread."""
         if self._worker is not None:
             self._worker.close()
         if self.executor is None:
             self._withdraw(self._action)
         else:
-            # behind the results that are on their way
+            # after the results already queued
             self.executor.create_task(self._withdraw, self._action)
 
     def destroy_node(self) -> None:
-        """Destroy the node, with actions that no executor has withdrawn."""
+        """Destroy the node, and actions that no executor has withdrawn."""
         for waitable in list(self.waitables):
             if isinstance(waitable, ActionServer):
                 self._withdraw(waitable)
@@ -166,7 +166,7 @@ class OptimizerNode(FlightNode):
             del self._goals[key]
             goal.execute(lambda handle: _concluded(handle, result))
 
-        self._goals[key] = Job(goal.request, Deadline(tell=_teller(goal)), reply)
+        self._goals[key] = Job(goal.request, Deadline(report=_feedback_publisher(goal)), reply)
         worker.put(self._goals[key])
 
     def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
@@ -178,14 +178,14 @@ class OptimizerNode(FlightNode):
 
 
 def _deactivated(kind: Any) -> Any:
-    """A response of that class to somebody whose request is not worked on any more."""
+    """Return a response of class ``kind`` that refuses with NOT_ACTIVE."""
     response = empty(kind)
     refuse(response, Response.NOT_ACTIVE, "the optimizer was deactivated")
     return response
 
 
 def _concluded(goal: ServerGoalHandle, result: Any) -> Any:
-    """The result of a goal, which is told its end."""
+    """Set the final state of a goal and return its result."""
     if goal.is_cancel_requested:
         refuse(result, Result.CANCELED, "canceled")
         goal.canceled()
@@ -196,15 +196,15 @@ def _concluded(goal: ServerGoalHandle, result: Any) -> Any:
     return result
 
 
-def _teller(goal: ServerGoalHandle) -> Callable[[Progress], None]:
-    """Return a function that sends a goal's client a word on the search now and then."""
+def _feedback_publisher(goal: ServerGoalHandle) -> Callable[[Progress], None]:
+    """Return a function that publishes feedback on a goal, at most every FEEDBACK_PERIOD s."""
     last: dict[str, float] = {}
 
-    def tell(progress: Progress) -> None:
+    def publish(progress: Progress) -> None:
         now = time.monotonic()
         if now - last.get(progress.method, -FEEDBACK_PERIOD) >= FEEDBACK_PERIOD:
             last[progress.method] = now
             with suppress(*GONE):
                 goal.publish_feedback(feedback(progress))
 
-    return tell
+    return publish

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in the way of any method: one line each, empty where there is nothing."""
+"""Describe obstacles common to all methods, in one line each; "" without one."""
 
 from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays
 from ares_optimizer.solution import Check, ConstraintCheck
 
 
 def target_obstacle(arrays: MissionArrays) -> str:
-    """A line when the target itself cannot be flown to; empty otherwise."""
+    """Return a line if the target is below the surface, else ""."""
     target = arrays.target[0]
     environment = arrays.environment[0]
     ground = float(min(environment["equatorial_radius"], environment["polar_radius"]))
@@ -25,9 +25,9 @@ def target_obstacle(arrays: MissionArrays) -> str:
 
 
 def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
-    """A line that names the constraints an independent integration finds broken."""
+    """Return a line with the constraints that the independent integration finds violated."""
     for check in checks:
-        # what is integrated through the Earth says nothing else
+        # a flight through the Earth makes other checks meaningless
         if check.key is Check.LOWEST_ALTITUDE and not check.satisfied:
             return f"the flight goes through the ground, {-check.value:,.0f} m deep"
     broken = [_broken(check) for check in checks if not check.satisfied]
@@ -35,7 +35,7 @@ def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
 
 
 def _broken(check: ConstraintCheck) -> str:
-    """Return one broken constraint in words."""
+    """Describe one violated constraint."""
     if check.key is Check.JETTISON_BEFORE_CUTOFF:
         return f"jettison {check.jettison} is still on at the cut-off"
     value, limit, unit = check.value, check.limit, check.unit

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The greatest payload that a mission brings to its target."""
+"""Maximise the payload of a mission."""
 
 import math
 from collections.abc import Callable
@@ -12,18 +12,18 @@ from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
 _TRIALS = 20
-#: Propellant that may be left where the payload is the greatest, kg, and as a part of it.
+#: Tolerance of the propellant left at the greatest payload, kg, and relative.
 _LEFT_KG = 1e-3
 _LEFT = 1e-6
 
 
 class Greatest(NamedTuple):
-    """A payload with its flight.
+    """Hold the greatest payload with its flight.
 
     Attributes:
         mission: with the payload.
-        payload_kg: how much.
-        solution: the flight that takes all propellant of the last stage but what rounding leaves.
+        payload_kg: the payload.
+        solution: the flight that uses all propellant of the last stage, within the tolerance.
     """
 
     mission: Mission
@@ -34,17 +34,17 @@ class Greatest(NamedTuple):
 def greatest_payload(
     mission: Mission,
     time_limit_s: float | None = None,
-    tell: Callable[[Progress], None] = lambda _progress: None,
+    report: Callable[[Progress], None] = lambda _progress: None,
 ) -> Greatest:
-    """Find the payload with which the last stage just runs dry as it reaches the target.
+    """Find the payload at which the last stage is depleted as it reaches the target.
 
-    The propellant that is left, taken as negative where a flight would need more than there is,
-    falls with the payload; its zero is sought by regula falsi (Illinois).
+    The propellant left, negative for a shortfall, falls with the payload; its zero is found by
+    regula falsi (Illinois).
 
     Args:
         mission: with its masses by item.
         time_limit_s: of each search, s.
-        tell: as of :class:`ares_optimizer.deadline.Deadline`.
+        report: see :class:`ares_optimizer.deadline.Deadline`.
 
     Raises:
         OptimizerError: masses are not by item, the last burn is not free, or not even a flight
@@ -58,7 +58,7 @@ def greatest_payload(
 
     def left(payload: float) -> float:
         trial = mission.model_copy(update={"payload_kg": payload})
-        return _propellant_left(trial, Deadline(time_limit_s, tell))
+        return _propellant_left(trial, Deadline(time_limit_s, report))
 
     low, left_low = 0.0, left(0.0)
     if not left_low >= 0.0:
@@ -77,7 +77,7 @@ def greatest_payload(
         if left_low <= enough:
             break
         middle = low + (high - low) * left_low / (left_low - left_high)
-        # on the side of the propellant that there is
+        # aim at a small remainder of propellant
         middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
         there = left(middle)
         if there >= 0.0:
@@ -85,14 +85,14 @@ def greatest_payload(
         else:
             high, left_high = middle, there
     best = mission.model_copy(update={"payload_kg": low})
-    return Greatest(best, low, solve(best, "auto", deadline=Deadline(time_limit_s, tell)))
+    return Greatest(best, low, solve(best, "auto", deadline=Deadline(time_limit_s, report)))
 
 
 def _propellant_left(mission: Mission, deadline: Deadline) -> float:
-    """What the best flight leaves of the last stage's propellant, kg; less than 0: it lacks that.
+    """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
 
     Raises:
-        OptimizerError: no flight is found, whatever the propellant.
+        OptimizerError: no flight is found with any propellant.
     """
     arrays = mission.arrays()
     arcs = arrays.arcs

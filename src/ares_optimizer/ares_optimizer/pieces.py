@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What follows from the pieces that a flight is cut into."""
+"""Compute properties of a flight from its segments."""
 
 import math
 
@@ -12,7 +12,7 @@ from ares_models.arrays import BURN, Record
 def first_ignitions(
     start: Record, pieces: NDArray[np.void], arcs: NDArray[np.void]
 ) -> tuple[float, ...]:
-    """First ignition of each stage, s; of a stage already gone, the start time.
+    """Return the first ignition of each stage, s; the start for stages in the past.
 
     Args:
         start: record NAVIGATION.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arcs whose ends guidance decides: their lengths, and the mission with these lengths given."""
+"""Handle arcs of free length: bounds, trial lengths, missions with given lengths."""
 
 import math
 from collections.abc import Iterator
@@ -11,21 +11,21 @@ from ares_models.arrays import BURN, MissionArrays, Record
 
 Array = NDArray[np.float64]
 
-#: Trial lengths of coasts as parts of the period of a low orbit, and of burns as parts of
-#: what the propellant allows.
+#: Trial lengths of coasts, fractions of the period of a low orbit, and of burns, fractions of the
+#: longest that the propellant allows.
 _COASTS = (0.01, 0.1, 0.03, 0.3, 0.55, 0.8, 0.2, 0.42, 0.68, 0.93)
 _BURNS = (0.5, 0.8, 0.25)
-#: How far a coast may dip below the ground, of the radius there, to be shown and refused by
-#: name; what goes deeper is no flight.
+#: Depth below ground, relative to the radius, down to which a flight is returned, to be refused by
+#: its floor; deeper ones are discarded.
 DEEPEST = 0.01
-#: A throttle is taken to go no lower, where a mission names no least one.
+#: Least throttle assumed where a mission has none.
 _LEAST_THROTTLE = 1e-2
 #: Least length of an arc that may vanish, s.
 SHORTEST = 1e-3
 
 
 def free_arcs(arrays: MissionArrays, start: Record) -> list[int]:
-    """Free arcs still to end before the last one, in flight order.
+    """Return the free arcs before the last one from the start on, in flight order.
 
     Args:
         arrays: the mission.
@@ -36,15 +36,15 @@ def free_arcs(arrays: MissionArrays, start: Record) -> list[int]:
 
 
 def plans_arcs(arrays: MissionArrays, start: Record) -> bool:
-    """Whether there is more to decide than when the last burn ends."""
+    """Return true if free arcs precede the last burn, or its length is fixed."""
     return bool(free_arcs(arrays, start)) or math.isfinite(arrays.arcs[-1]["duration"])
 
 
 def saving_stage(arrays: MissionArrays, start: Record) -> int:
-    """Return the last stage with a free burn, whose propellant is to be saved; -1: none has one.
+    """Return the last stage with a free burn, whose propellant is saved; -1: none.
 
-    What a stage leaves is dropped with it: where no burn of the last stage is free, the mass at
-    cut-off is given.
+    Propellant left in a stage is dropped with it. If no burn of the last stage is free, the mass
+    at cut-off is fixed.
 
     Args:
         arrays: the mission.
@@ -56,7 +56,7 @@ def saving_stage(arrays: MissionArrays, start: Record) -> int:
 
 
 def throttled_ahead(arrays: MissionArrays, start: Record) -> NDArray[np.bool_]:
-    """Whether each arc from the start on is a throttled burn.
+    """Mark the throttled burns among the arcs from the start on.
 
     Args:
         arrays: the mission.
@@ -68,7 +68,7 @@ def throttled_ahead(arrays: MissionArrays, start: Record) -> NDArray[np.bool_]:
 
 
 def held_ahead(arrays: MissionArrays, start: Record) -> list[int]:
-    """Burns in held attitude from the start on.
+    """Return the burns in held attitude from the start on.
 
     Args:
         arrays: the mission.
@@ -78,12 +78,12 @@ def held_ahead(arrays: MissionArrays, start: Record) -> list[int]:
 
 
 def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> MissionArrays:
-    """The mission with its free arcs as long as planned; the last one is free.
+    """Return the mission with free arcs of given lengths; the last arc is free.
 
     Args:
         arrays: the mission.
         start: record NAVIGATION.
-        lengths: s, shape (n,), of :func:`free_arcs`.
+        lengths: of :func:`free_arcs`, shape (n,), s.
     """
     arcs = arrays.arcs.copy()
     for k, length in zip(free_arcs(arrays, start), lengths, strict=True):
@@ -93,15 +93,15 @@ def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> Missio
 
 
 def longest_burn(arrays: MissionArrays, k: int) -> float:
-    """Length of burn ``k`` if it took all propellant of its stage, s.
+    """Return the length of burn ``k`` with all propellant of its stage, s.
 
-    A burn with a limit of acceleration is throttled as the vehicle lightens: thrust and flow are
-    in proportion to the mass there, from its limit on to where the throttle is at its least.
+    A burn with a limit of acceleration is throttled as the mass falls: thrust and flow are
+    proportional to the mass, from the limit on down to the least throttle.
     """
     arc = arrays.arcs[k]
     flow, propellant = float(arc["mass_flow"]), float(arc["propellant"])
     if math.isfinite(arc["max_acceleration"]):
-        # the lightest that it can be: what drops on the way may have dropped before
+        # least mass: all jettisons may have been dropped before
         end = float(arc["stack_mass"]) - propellant - float(arrays.jettisons["mass"].sum())
         limit = float(arc["thrust"] / arc["max_acceleration"])
         least = max(float(arc["min_throttle"]), _LEAST_THROTTLE)
@@ -116,7 +116,7 @@ def longest_burn(arrays: MissionArrays, k: int) -> float:
 
 
 def length_bounds(arrays: MissionArrays, start: Record) -> tuple[Array, Array]:
-    """Shortest and longest lengths of the free arcs, s; a burn no longer than its propellant."""
+    """Return the shortest and longest lengths of the free arcs, s, within the propellant."""
     low = []
     high = []
     for k in free_arcs(arrays, start):
@@ -130,7 +130,7 @@ def length_bounds(arrays: MissionArrays, start: Record) -> tuple[Array, Array]:
 
 
 def trial_lengths(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
-    """Lengths of the free arcs to begin a search with, the likeliest first.
+    """Yield initial lengths of the free arcs, s, the likeliest first.
 
     Args:
         arrays: the mission.
@@ -162,19 +162,19 @@ def trial_lengths(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Ar
 
 
 def last_begin(arrays: MissionArrays, start: Record, lengths: Array) -> float:
-    """When the last arc begins by the clock, s: no fixed burn runs dry before its time."""
+    """Return the begin of the last arc, s, if no burn of fixed length is depleted early."""
     planned = with_lengths(arrays, start, lengths).arcs
     first = int(start["arc"])
     return float(start["arc_start_time"]) + float(planned["duration"][first:-1].sum())
 
 
 def spent(arrays: MissionArrays, start: Record, lengths: Array, last: float) -> float:
-    """Propellant that the free burns take from now on, but for their thrust curves, kg.
+    """Return the propellant of the free burns from the start on, without thrust curves, kg.
 
     Args:
         arrays: the mission.
         start: record NAVIGATION.
-        lengths: s, of :func:`free_arcs`.
+        lengths: of :func:`free_arcs`, s.
         last: length of the last burn, s.
     """
     total = 0.0

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of the methods, without importing any. Standard library only."""
+"""Registry of the methods; imports none of them, only the standard library."""
 
 from ares_models.registry import registered
 
 DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
 INDIRECT_METHODS = ("indirect", "closed_form")
 COLLOCATION = "collocation"
-#: Chosen by the mission.
+#: Method chosen by the mission.
 AUTO = "auto"
-#: Those that plan burns in held attitude.
+#: Methods that plan burns in held attitude.
 HELD_METHODS = ("auto", "collocation", "indirect", "direct11", "direct14", "direct20")
-#: Those of this package.
+#: Methods of this package.
 METHODS = (AUTO, COLLOCATION, *INDIRECT_METHODS, *DIRECT_METHODS)
 
 #: Entry points of this group are methods: `name = module:object`, the object a
@@ -19,5 +19,5 @@ GROUP = "ares_optimizer.methods"
 
 
 def method_names() -> tuple[str, ...]:
-    """Return the names of all methods: of this package, then of others."""
+    """Return the names of the methods: those of this package, then those of others."""
     return (*METHODS, *sorted(registered(GROUP)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is asked of the optimizer: method, mission, start."""
+"""Define a request of the optimizer: method, mission, start."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError
 
-#: Beyond any state of a flight, and far below what a number can hold: s, m, m/s, kg.
+#: Upper bounds of a start: s, m, m/s, kg; beyond any flight, far below overflow.
 MOST = {
     "time": 1e9,
     "arc_start_time": 1e9,
@@ -26,27 +26,27 @@ MOST = {
 
 
 class Heating(StrEnum):
-    """Where a flight has to keep the heating limit of a jettison."""
+    """Select where the heating limit of a jettison holds."""
 
     AT_JETTISON = "at_jettison"
     FROM_JETTISON = "from_jettison"
-    #: nowhere: the drop comes with the ignition of its stage
+    #: nowhere: the drop is at the ignition of its stage
     IGNORED = "ignored"
-    #: at the jettison, which waits for it; the steering does not know
+    #: at the jettison, which waits for it, without a jump of the costates
     PASSIVE = "passive"
 
 
 @dataclass(frozen=True)
 class Request:
-    """One request of the optimizer.
+    """Hold one request of the optimizer.
 
     Attributes:
         arrays: the mission.
-        state: where the flight is, shape (1,), dtype NAVIGATION.
+        state: start, shape (1,), dtype NAVIGATION.
         method: one of `registry.method_names`.
-        guess: where to start, as the method takes it; None: the method's own.
+        guess: first guess in the form of the method; None: its built-in guesses.
         heating: where the heating limit holds.
-        deadline: when to give up.
+        deadline: time limit.
         verify: fly the solution again.
     """
 
@@ -60,7 +60,7 @@ class Request:
 
 
 def hold_jettisons(arrays: MissionArrays, times: Mapping[int, float]) -> MissionArrays:
-    """The mission with some jettisons at given times, whatever the heating.
+    """Return the mission with some jettisons at given times, without heating limits.
 
     Args:
         arrays: the mission.
@@ -116,10 +116,10 @@ def check_state(arrays: MissionArrays, state: NDArray[np.void]) -> None:
 def arrays_and_state(
     mission: Mission | MissionArrays, state: NDArray[np.void] | None
 ) -> tuple[MissionArrays, NDArray[np.void]]:
-    """A mission as arrays, and a checked start: the given state or the mission's own.
+    """Return a mission as arrays, and a checked start: the given state or its own.
 
     Raises:
-        OptimizerError: no start, or one from which no flight can be computed.
+        OptimizerError: no start, or an invalid one.
     """
     if isinstance(mission, Mission):
         arrays = mission.arrays()

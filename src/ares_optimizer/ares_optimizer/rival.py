@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An extremal set beside a direct solution: necessary conditions alone do not make an optimum.
+"""Compare an extremal with a direct solution: necessary conditions are not sufficient.
 
-Close to cut-off the two-point problem has a root that leaves the target, flies a loop of
-several hundred seconds and comes back. It meets every condition of Pontryagin and every
-constraint, and is no optimum.
+Close to cut-off the two-point problem has a root that leaves the target, flies a loop of several
+hundred seconds and returns. It meets Pontryagin's conditions and every constraint, but is not
+optimal.
 """
 
 import math
@@ -43,38 +43,38 @@ from ares_optimizer.solution import (
 
 _SAME_KG = 1.0
 _RIVAL_NOTE = "direct11_m_f_kg"
-#: For a direct solution beside free arcs, s: over long coasts it often finds none.
+#: Time limit of a direct solution of a mission with free arcs, s; over long coasts it often fails.
 _RIVAL_S = 1.0
-#: For a flight that takes nothing, s.
+#: Time limit of the search for a flight without free burns, s.
 _NOTHING_SOUGHT_S = 3.0
-#: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
+#: Ratio to the velocity of a transfer in two successive manoeuvres from which a flight is a detour.
 _DETOUR = 2.0
-#: By what is dropped on the way the burns may gain more velocity than their stacks tell.
+#: Factor on the ideal velocity of fixed burns: drops in flight add to that of the full stacks.
 _LIGHTER = 1.05
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A direct solution of the same flight.
+    """Hold a direct solution of the same flight.
 
     Attributes:
-        found: as the direct method ended.
+        found: outcome of the direct method.
     """
 
     found: Found
 
-    def beats(self, solution: Solution) -> bool:
-        """Whether it cuts off earlier than a solution, or there is no other solution."""
+    def is_better_than(self, solution: Solution) -> bool:
+        """Return true if it cuts off earlier than a solution."""
         margin = _SAME_KG / self.found.transcription.flow_kg_s
         return self.found.converged and not solution.t_meco_s <= self.found.cutoff_s + margin
 
     @property
     def m_f_kg(self) -> float:
-        """Final mass."""
+        """Return the final mass, kg."""
         return float(self.found.final[7])
 
     def guess(self) -> IndirectGuess:
-        """Its steering as costates at the start: lambda_v = B, lambda_r = -A (Eq. 3.34)."""
+        """Return its steering as costates at the start: lambda_v = B, lambda_r = -A (Eq. 3.34)."""
         law = steering_laws(self.found.transcription, self.found.variables)[0]
         drops = dict(
             zip(self.found.transcription.heating_jettisons, self.found.drop_times_s, strict=True)
@@ -88,7 +88,7 @@ class Rival:
 
 
 def find_rival(request: Request) -> Rival | None:
-    """Solve by ``direct11`` from its own start; None where it cannot even begin."""
+    """Solve by ``direct11`` from its sweep; return None where no search is possible."""
     arrays, start = request.arrays, request.state[0]
     try:
         return Rival(
@@ -99,10 +99,10 @@ def find_rival(request: Request) -> Rival | None:
 
 
 def ample_delta_v(arrays: MissionArrays, start: NDArray[np.void]) -> float:
-    """Velocity that surely does: the change of velocity first, then the change of place, m/s.
+    """Return an upper estimate of the velocity needed, m/s: change speed, then place.
 
-    The target is taken where it stands on the ray of the present position; a displacement d
-    takes 2 sqrt(a d) from rest to rest at thrust acceleration a.
+    The end point is that of the target on the ray through the current position; a displacement d
+    needs 2 sqrt(a d) from rest to rest at thrust acceleration a.
 
     Args:
         arrays: the mission.
@@ -121,7 +121,7 @@ def ample_delta_v(arrays: MissionArrays, start: NDArray[np.void]) -> float:
 
 
 def _end_above(arrays: MissionArrays, start: NDArray[np.void]) -> tuple[Vector, Vector]:
-    """Position and velocity of the target on the ray of the present position, m and m/s."""
+    """Return position, m, and velocity, m/s, of the target on the current position's ray."""
     r = load(start[0]["position"])
     v = load(start[0]["velocity"])
     target = arrays.target[0]
@@ -132,10 +132,10 @@ def _end_above(arrays: MissionArrays, start: NDArray[np.void]) -> tuple[Vector, 
 
 
 def fixed_burns_fall_short(arrays: MissionArrays, start: NDArray[np.void]) -> bool:
-    """Whether the burns of fixed length surely lack the energy for the target, however steered.
+    """Return true if the fixed burns lack the energy for the target.
 
-    The speed that a flight would have at the ground, w = sqrt(2 (E + mu/r)), rises by T/m at most:
-    w dw = dE = (T/m) . V dt, and |V| <= w.
+    This holds for any steering: the speed at ground level, w = sqrt(2 (E + mu/r)), has a rate of at
+    most T/m, as w dw = dE = (T/m) . V dt and |V| <= w.
 
     Args:
         arrays: the mission.
@@ -161,7 +161,7 @@ def fixed_burns_fall_short(arrays: MissionArrays, start: NDArray[np.void]) -> bo
 
 
 def detour_line(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
-    """A line when a solution spends far more than its target is away; empty otherwise."""
+    """Return a line if a solution spends far more velocity than needed, else ""."""
     spent = sum(arc.delta_v_m_s for arc in solution.arcs)
     ample = ample_delta_v(arrays, start)
     if spent <= _DETOUR * ample:
@@ -175,24 +175,24 @@ def detour_line(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
 def beside_rival(
     request: Request, solution: Solution, extremal: Callable[[IndirectGuess], Solution]
 ) -> Solution:
-    """Set what the indirect method came to beside a direct solution.
+    """Compare the result of the indirect method with a direct solution.
 
-    A better direct solution is the next guess; what it still beats is no optimum. Where there
-    is no direct solution, an extremal that makes a detour is not believed.
+    A better direct solution is the next guess; an extremal that is still worse is not optimal.
+    Without a direct solution, an extremal with a detour is not accepted.
 
     Args:
-        request: as the indirect method was asked.
-        solution: what it came to, converged or not.
-        extremal: the indirect method from another guess.
+        request: request of the indirect method.
+        solution: its result, converged or not.
+        extremal: solves by the indirect method from another guess.
     """
     began = time.perf_counter()
     rival = None if request.deadline.passed else find_rival(request)
     if rival is None or not rival.found.converged:
         detour = detour_line(request.arrays, request.state, solution) if solution.converged else ""
         return replace(solution, status=Status.NOT_OPTIMAL, reason=detour) if detour else solution
-    if rival.beats(solution):
+    if rival.is_better_than(solution):
         again = extremal(rival.guess())
-        better = again.converged and not rival.beats(again)
+        better = again.converged and not rival.is_better_than(again)
         solution = replace(
             again if better else solution,
             iterations=solution.iterations + rival.found.iterations + again.iterations,
@@ -210,10 +210,10 @@ def beside_rival(
 
 
 def solve_beside_rival(request: Request) -> Solution:
-    """An indirect method, with what it finds set beside a direct solution.
+    """Solve by an indirect method and compare with a direct solution.
 
     Raises:
-        OptimizerError: a guess or a mission that the method cannot take.
+        OptimizerError: the guess or the mission is not valid for the method.
     """
     arrays, state, guess = request.arrays, request.state, request.guess
     if request.heating is Heating.FROM_JETTISON:
@@ -255,15 +255,15 @@ def solve_beside_rival(request: Request) -> Solution:
 def _beside_planned(
     request: Request, options: TwoPointOptions, solution: Solution, again: bool = True
 ) -> Solution:
-    """Set an extremal with free arcs beside a direct solution with arcs of the same lengths.
+    """Compare an extremal with free arcs with a direct solution at the same lengths.
 
-    Where that is better, the extremal that it leads to is let go in turn.
+    If that is better, the extremal found from it is solved again with free lengths.
 
     Args:
-        request: as the indirect method was asked.
+        request: request of the indirect method.
         options: of the indirect method.
-        solution: what it came to.
-        again: whether a better direct solution is followed up.
+        solution: its result.
+        again: follow up a better direct solution.
     """
     start = request.state
     throttled = throttled_ahead(request.arrays, start[0]).any()
@@ -284,7 +284,8 @@ def _beside_planned(
         return judged
     there = followed[-1].parameters
     if not (again and followed[-1].converged) or there is None or solution.parameters is None:
-        return judged if judged.lengths_s else replace(solution, **_beaten(judged)._asdict())
+        cause = _worse_extremal(judged)
+        return judged if judged.lengths_s else replace(solution, **cause._asdict())
     count = len(solution.lengths_s)
     first = there.size - 3 * len(held_ahead(request.arrays, start[0]))
     ends = solution.parameters[first : first + count]
@@ -299,14 +300,14 @@ def _beside_planned(
 
 
 def _without_free_burns(request: Request, solution: Solution) -> Solution:
-    """A solution, or the flight of ``direct11`` that takes next to nothing, if there is one.
+    """Return a solution, or a ``direct11`` flight almost without free burns.
 
-    Where the burns of fixed length reach the target by themselves, the two-point problem has no
-    root but those of other flights.
+    If the burns of fixed length reach the target alone, the two-point problem has no root for this
+    flight.
 
     Args:
-        request: as the indirect method was asked.
-        solution: what it came to, with no direct solution beside it, or not converged.
+        request: request of the indirect method.
+        solution: its result, not compared with a direct solution, or not converged.
     """
     arrays, start = request.arrays, request.state[0]
     if throttled_ahead(arrays, start).any() or fixed_burns_fall_short(arrays, request.state):
@@ -314,14 +315,14 @@ def _without_free_burns(request: Request, solution: Solution) -> Solution:
     flown = reach_without(replace(request, deadline=request.deadline.within(_NOTHING_SOUGHT_S)))
     if flown is None:
         return solution
-    taken = _taken(request, flown)
-    if solution.converged and _taken(request, solution) < taken + _SAME_KG:
+    propellant_kg = _free_propellant_kg(request, flown)
+    if solution.converged and _free_propellant_kg(request, solution) < propellant_kg + _SAME_KG:
         return solution
     return replace(
         flown,
         method=solution.method,
-        reason=next_to_nothing(taken),
-        # its own are none for the two-point problem
+        reason=next_to_nothing(propellant_kg),
+        # those of the direct method are no unknowns of the two-point problem
         parameters=None,
         iterations=solution.iterations + flown.iterations,
         restarts=solution.restarts + flown.restarts + 1,
@@ -330,16 +331,16 @@ def _without_free_burns(request: Request, solution: Solution) -> Solution:
     )
 
 
-def _taken(request: Request, solution: Solution) -> float:
-    """Propellant that the free burns of a solution take, kg."""
+def _free_propellant_kg(request: Request, solution: Solution) -> float:
+    """Return the propellant of the free burns of a solution, kg."""
     start = request.state[0]
     lengths = np.array(solution.lengths_s)
     burn = solution.t_meco_s - last_begin(request.arrays, start, lengths)
     return spent(request.arrays, start, lengths, burn)
 
 
-def _beaten(better: Solution) -> Cause:
-    """Why an extremal is no optimum: with the same lengths another does better."""
+def _worse_extremal(better: Solution) -> Cause:
+    """Return the cause of an extremal that is worse than a direct solution at the same lengths."""
     return Cause(
         Status.NOT_OPTIMAL,
         f"no optimum found: with arcs of the same lengths {better.m_f_kg:,.1f} kg can be reached",
@@ -347,7 +348,7 @@ def _beaten(better: Solution) -> Cause:
 
 
 def _costates_of(request: Request, solution: Solution) -> IndirectGuess:
-    """A direct solution as a guess of the two-point problem.
+    """Convert a direct solution to a guess of the two-point problem.
 
     Raises:
         OptimizerError: it has no costates.

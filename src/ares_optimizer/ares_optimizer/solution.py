@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every method of the optimizer returns, and how it is printed.
+"""Define the result that every method of the optimizer returns.
 
-Times are mission elapsed time in s, vectors stand in the frame ``ares_eci``.
+Times are mission elapsed time in s; vectors are in the frame ``ares_eci``.
 """
 
 import math
@@ -19,46 +19,46 @@ Array = NDArray[np.float64]
 
 
 class Status(StrEnum):
-    """How a request ended."""
+    """List the outcomes of a request."""
 
-    #: an optimum, proven if that was asked for; of ``analytic``, its own conditions are met
+    #: optimal, proven unless ``verify`` is False; ``analytic``: its iteration converged
     CONVERGED = "converged"
-    #: the flight meets every constraint, but is not proven to be the best
+    #: the flight meets every constraint, but is not proven optimal
     FEASIBLE = "feasible"
     #: the target or a limit on the way cannot be met
     INFEASIBLE = "infeasible"
-    #: what was found is stationary and no optimum: a saddle, a detour, beaten by another
+    #: stationary, but not optimal: a saddle, a detour, or worse than another flight
     NOT_OPTIMAL = "not_optimal"
-    #: the iterations were used up
+    #: the iterations ran out
     ITERATION_LIMIT = "iteration_limit"
-    #: no step led on, and nothing is known to stand in the way
+    #: the search made no progress, for no known cause
     STALLED = "stalled"
     #: the time limit passed
     TIME_LIMIT = "time_limit"
-    #: no flight can be laid out from the start
+    #: no timetable exists from the start
     ILLEGAL_START = "illegal_start"
 
 
 class Cause(NamedTuple):
-    """How a request ended, and why in one line."""
+    """Hold the status of a request and its reason in one line."""
 
     status: Status
     reason: str
 
 
 OPTIMAL = Cause(Status.CONVERGED, "optimal")
-#: Why a flight is no optimum where no burn can be shortened.
+#: Reason why a flight without free burns is not called optimal.
 NOTHING_SAVED = "no burn is free, so the mass at cut-off is given and nothing is left to optimize"
 OUT_OF_TIME = Cause(Status.TIME_LIMIT, "the time limit passed before the search ended")
 
 
 def infeasible(line: str) -> Cause | None:
-    """The cause that a line on an obstacle tells of; None for an empty line."""
+    """Return the cause INFEASIBLE with a line; None for an empty line."""
     return Cause(Status.INFEASIBLE, line) if line else None
 
 
 class Check(StrEnum):
-    """What a constraint check is about; a figure of the target by its field of TARGET."""
+    """List the subjects of constraint checks; elements of the target by their field of TARGET."""
 
     RADIUS = "radius"
     SPEED = "speed"
@@ -72,45 +72,45 @@ class Check(StrEnum):
     APOGEE_RADIUS = "apogee_radius"
     C3 = "c3"
     TRUE_ANOMALY = "true_anomaly"
-    #: of one jettison each
+    #: one per jettison
     HEATING_AT_JETTISON = "heating_at_jettison"
     JETTISON_BEFORE_CUTOFF = "jettison_before_cutoff"
     HEATING_FROM_JETTISON = "heating_from_jettison"
     LOWEST_ALTITUDE = "lowest_altitude"
     PROPELLANT = "propellant"
-    #: of one free arc each
+    #: one per free arc
     ARC_LENGTH = "arc_length"
-    #: of one figure of the orbit that a coast names
+    #: one per element of the orbit that a coast names
     PARKING_ORBIT = "parking_orbit"
-    #: of one burn in held attitude each
+    #: one per burn in held attitude
     HELD_DIRECTION = "held_direction"
 
 
 class OptimizerError(ValueError):
-    """A request that cannot be worked on: unknown method, bad guess, bad state."""
+    """Signal an invalid request: unknown method, bad guess, bad state."""
 
 
 class UnfitMethod(OptimizerError):
-    """The method is known but cannot solve this mission."""
+    """Signal a method that cannot solve this mission."""
 
 
 @dataclass(frozen=True)
 class SteeringArc:
-    """A piece of the flight with one steering law.
+    """Hold a piece of the flight with one steering law.
 
     The thrust direction at t is unit(direction + direction_rate (t - reference_time_s)),
     Eq. 3.36. A coast has ``delta_v_m_s`` 0.
 
     Attributes:
         start_s, end_s: the piece.
-        reference_time_s: where ``direction`` holds.
+        reference_time_s: time of ``direction``.
         direction: shape (3,), unit vector.
         direction_rate: shape (3,), 1/s.
-        start_mass_kg: just after ``start_s``, drops done.
-        end_mass_kg: just before ``end_s``, drops not done.
+        start_mass_kg: just after ``start_s`` and its drops.
+        end_mass_kg: just before ``end_s`` and its drops.
         delta_v_m_s: integral of thrust acceleration.
-        primer_rate: shape (3,), 1/s, of the primer that is ``direction`` at ``start_s``; nan: the
-            method has none, or the direction is held.
+        primer_rate: shape (3,), 1/s, at ``start_s``, of the primer scaled to ``direction``; nan:
+            the method has no primer, or the direction is held.
     """
 
     start_s: float
@@ -126,12 +126,12 @@ class SteeringArc:
 
 @dataclass(frozen=True)
 class FlownArc:
-    """An arc of the mission as it is flown.
+    """Hold an arc of the mission with its times in the flight.
 
     Attributes:
         arc: index into the mission's arcs.
-        start_s, end_s: ignition and cut-off commands of a burn; a start in the past for one
-            that runs.
+        start_s, end_s: ignition and cut-off commands of a burn; ``start_s`` is in the past for an
+            arc that is running.
     """
 
     arc: int
@@ -141,19 +141,19 @@ class FlownArc:
 
 @dataclass(frozen=True)
 class ConstraintCheck:
-    """One constraint as the independent integration finds it.
+    """Hold one constraint with its value by the independent integration.
 
     Attributes:
-        key: what is constrained,
-        name: and in words.
-        value: what it came to, in ``unit``.
-        limit: what it must be (an equality) or must not pass.
-        active: True when it holds the optimum: an equality, or an inequality at its limit.
+        key: subject of the constraint.
+        name: the same in words.
+        value: value in the flight, in ``unit``.
+        limit: required value (an equality) or bound.
+        active: true for an equality, and for an inequality at its limit.
         unit: of value and limit.
-        satisfied: within the tolerance of the verification.
-        multiplier: kg of final mass per ``unit`` of the limit, positive when more of it
-            helps; nan when the method does not give it.
-        jettison: of the mission, that it is about; None: of none.
+        satisfied: true within the tolerance of the verification.
+        multiplier: kg of final mass per ``unit`` of the limit, positive if a larger limit gives
+            more mass; nan: not computed by the method.
+        jettison: index of the jettison concerned; None: none.
     """
 
     key: Check
@@ -169,7 +169,7 @@ class ConstraintCheck:
 
 @dataclass(frozen=True)
 class Verification:
-    """The flight re-integrated by an integrator that shares nothing with the solver.
+    """Hold the figures of the flight by an integrator independent of the solver.
 
     Attributes:
         radius_m, speed_m_s, flight_path_angle_deg, inclination_deg, ascending_node_deg:
@@ -177,9 +177,9 @@ class Verification:
         m_f_kg: mass at cut-off.
         fmhr_w_m2: heating at the jettison that the heating limit governs; nan without one.
         peak_fmhr_after_jettison_w_m2: greatest heating from there to cut-off; nan without one.
-        position_defect_m, velocity_defect_m_s, mass_defect_kg: greatest distance between the
-            solver's own nodes and the integration, interior and terminal.
-        end: what is reached, as the judge of every flight says.
+        position_defect_m, velocity_defect_m_s, mass_defect_kg: largest distance between the
+            nodes of the solver and the integration, interior and terminal.
+        end: outcome by the judge of every flight.
     """
 
     radius_m: float
@@ -198,14 +198,14 @@ class Verification:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The flight, sampled.
+    """Hold a sampled flight.
 
     Attributes:
-        time_s: shape (n,). A drop or a boundary stands twice, before and after.
+        time_s: shape (n,). Drops and boundaries have two samples, before and after.
         position: shape (n, 3), m.
         velocity: shape (n, 3), m/s.
         mass: shape (n,), kg.
-        direction: shape (n, 3), unit vectors; the last one is kept through a coast.
+        direction: shape (n, 3), unit vectors; constant in a coast, as before it.
         heating_rate: shape (n,), W/m2.
         thrust: shape (n,), N.
     """
@@ -220,26 +220,26 @@ class Trajectory:
 
 
 def joined(tracks: Sequence[Trajectory]) -> Trajectory:
-    """Trajectories one after the other."""
+    """Concatenate trajectories."""
     columns = zip(*(vars(track).values() for track in tracks), strict=True)
     return Trajectory(*(np.concatenate(parts) for parts in columns))
 
 
 @dataclass(frozen=True)
 class Costates:
-    """Costates along the flight, |lambda_v| = 1 at its start.
+    """Hold the costates along a flight, scaled to |lambda_v| = 1 at its start.
 
     Attributes:
-        time_s: shape (n,). A jettison stands twice, before and after the jump.
+        time_s: shape (n,). A jettison has two samples, before and after the jump.
         lambda_r: shape (n, 3), 1/s.
         lambda_v: shape (n, 3), no unit.
         hamiltonian: shape (n,), lambda_r . V + lambda_v . (g + u T/m), m/s2.
-        hamiltonian_spread: per piece of the flight, (greatest - least) / greatest |H|, with
-            the mass costate's part - lambda_m flow: lambda_m' = lambda_v . u T/m2, zero at
-            cut-off and at the end of each stage (the mass of the next stack is given).
+        hamiltonian_spread: per piece of the flight, (greatest - least) / greatest |H|, with the
+            mass costate term - lambda_m flow: lambda_m' = lambda_v . u T/m2, zero at cut-off and
+            at the end of each stage, as the mass of the next stack is given.
         jump_pi: pi of Eqs. 3.44-3.51 per heating jettison, per unit lambda_v and W/m2.
         held_off_deg: per burn in held attitude, angle between its direction and the integral of
-            lambda_v T/m over it, which the best direction lies along.
+            lambda_v T/m over it, the optimal direction.
     """
 
     time_s: Array
@@ -253,15 +253,14 @@ class Costates:
 
 @dataclass(frozen=True)
 class Solution:
-    """An optimal (analytic: approximate; or failed) ascent.
+    """Hold an ascent: optimal, approximate (``analytic``) or failed.
 
     Attributes:
         method: ``collocation``, ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
-            ``closed_form``, ``analytic``; of ``auto`` the one whose solution it is.
-        status: how it ended. CONVERGED: optimal and verified; never for anything else. Of
-            ``analytic``, an approximation and not an optimum: its iteration met its own
-            conditions.
-        reason: one line; on failure it names the constraint in the way and by how much.
+            ``closed_form``, ``analytic``; with ``auto`` the method that found it.
+        status: CONVERGED means optimal and verified, and nothing else. Of ``analytic`` it means
+            an approximation whose iteration converged.
+        reason: one line; on failure it names the violated constraint and its violation.
         jettison_times_s: one per jettison of the mission; nan: not dropped, or before the start.
         t_meco_s: cut-off time; nan without a trajectory.
         m_f_kg: mass at cut-off; nan without a trajectory.
@@ -274,12 +273,12 @@ class Solution:
         costates: None when the method gives none.
         flown: the mission's arcs from the start on, with their times.
         lengths_s: of the free arcs before the last, in flight order, as planned.
-        parameters: shape (n,), the solver's own variables: a guess for the next call.
-        restarts: further starts that the solver had to make.
+        parameters: shape (n,), variables of the solver: a guess for the next call.
+        restarts: starts after the first.
         notes: further figures by name, with unit suffix.
-        steps: of method ``auto``: what each method that it called came to, a line each.
-        by_legs: the two-point problem lacks a constraint that holds: law ``optimal`` flies to the
-            end of each leg, as the other laws do.
+        steps: of method ``auto``: the result of each method that it called, a line each.
+        by_legs: true if the two-point problem lacks an active constraint: law ``optimal`` then
+            flies to the end of each leg, as the other laws do.
     """
 
     method: str
@@ -305,30 +304,30 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the status is CONVERGED."""
+        """Return true if the status is CONVERGED."""
         return self.status is Status.CONVERGED
 
     @property
     def flyable(self) -> bool:
-        """Whether it meets every constraint: an optimum, or a flight that may be none."""
+        """Return true if the flight meets every constraint: optimal or feasible."""
         return self.status in (Status.CONVERGED, Status.FEASIBLE)
 
     @property
     def t_plf_s(self) -> float:
-        """Time of the fairing jettison: the last drop of the mission; nan without one."""
+        """Return the time of the last jettison of the mission, s; nan without one."""
         done = [t for t in self.jettison_times_s if math.isfinite(t)]
         return max(done) if done else math.nan
 
     @property
     def delta_v_m_s(self) -> float:
-        """Exhaust velocity times log of the mass ratio, summed over the burns; nan: no flight."""
+        """Return the ideal velocity of all burns, m/s; nan without a flight."""
         return sum(arc.delta_v_m_s for arc in self.arcs) if self.arcs else math.nan
 
     def to_json(self, arc_names: Sequence[str] = ()) -> dict[str, Any]:
-        """The published summary, ready for ``json.dumps``: what is unknown is None.
+        """Return the published summary for ``json.dumps``; unknown values are None.
 
         Args:
-            arc_names: of the mission's arcs; empty: the arcs are counted from 0.
+            arc_names: of the mission's arcs; empty: their indices.
         """
         v = self.verification
         return {
@@ -365,18 +364,18 @@ class Solution:
 
 
 def _number(value: float) -> float | None:
-    """A float that JSON can carry."""
+    """Return a float that JSON can hold; None if not finite."""
     return float(value) if math.isfinite(value) else None
 
 
-def next_to_nothing(taken_kg: float) -> str:
-    """Why no optimum is sought where the free burns take next to nothing."""
+def next_to_nothing(propellant_kg: float) -> str:
+    """Return the reason of a flight whose free burns need almost no propellant."""
     return (
-        f"optimal within {taken_kg:.3g} kg, which is all that the free burns take: those of fixed "
-        "length all but reach the target"
+        f"optimal within {propellant_kg:.3g} kg, which is all that the free burns take: "
+        "those of fixed length all but reach the target"
     )
 
 
 def failed(method: str, cause: Cause, *, iterations: int = 0, solve_ms: float = 0.0) -> Solution:
-    """A failure without a trajectory."""
+    """Return a solution without a trajectory."""
     return Solution(method, *cause, (), math.nan, math.nan, iterations, solve_ms)

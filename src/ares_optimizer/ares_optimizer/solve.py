@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One call for every method: a mission in, a proven solution or a named reason out."""
+"""Solve a mission by any method: a proven solution or a named cause."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -46,7 +46,7 @@ from ares_optimizer.solution import (
     UnfitMethod,
 )
 
-#: PASSIVE is no optimum: it is there to set one beside.
+#: Without PASSIVE, which gives no optimum and serves for comparison.
 CHOICES = (Heating.AT_JETTISON, Heating.FROM_JETTISON, Heating.IGNORED)
 
 
@@ -62,33 +62,33 @@ def solve(
     deadline: Deadline | None = None,
     verify: bool = True,
 ) -> Solution:
-    """The optimal ascent.
+    """Compute the optimal ascent.
 
     Args:
-        mission: what is flown.
+        mission: the mission.
         method: one of `registry.method_names`.
         guess: for the direct methods a :class:`Guess` or an earlier solution; for the
-            indirect ones what :func:`ares_optimizer.indirect.solve_indirect` takes, or a
-            solution of any method with costates. None: the solver's own start.
-        state: where the flight is, shape (1,), dtype NAVIGATION; None: the mission's start.
-        heating: ``at_jettison``: the limit holds when the fairing goes (the thesis);
-            ``from_jettison``: from then on; ``ignored``: the fairing goes at ignition. None:
-            as the mission says; ``at_jettison`` for a mission given as arrays.
-        jettison_times: jettisons held at a time (s), by index: their limits are ignored.
-        time_limit_s: wall clock after which the search ends, compiled parts of it too; the
-            proof of what was found by then is not cut short. None: no limit.
-        deadline: in place of ``time_limit_s``: can be ended from another thread, and tells how the
-            search goes on.
+            indirect ones a guess of :func:`ares_optimizer.indirect.solve.solve_indirect` or a
+            solution of any method with costates. None: the built-in guesses.
+        state: start, shape (1,), dtype NAVIGATION; None: that of the mission.
+        heating: ``at_jettison``: the limit holds at the jettison of the fairing (the thesis);
+            ``from_jettison``: from then on; ``ignored``: the fairing is dropped at ignition.
+            None: that of the mission; ``at_jettison`` for a mission given as arrays.
+        jettison_times: fixed times of jettisons, s, by index: their limits are ignored.
+        time_limit_s: wall time after which the search ends, compiled parts included; the
+            verification is not cut short. None: no limit.
+        deadline: replaces ``time_limit_s``: another thread can end it, and it reports progress.
         verify: fly the solution again and fill ``verification``, ``constraints``,
-            ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word, and
-            the indirect methods sample the ``trajectory`` themselves.
+            ``trajectory`` and ``costates``. Without it ``converged`` is not verified, and the
+            ``trajectory`` of the indirect methods is that of the solver.
 
     Returns:
-        the solution; ``converged`` only if every constraint is met, or the method's own
-        conditions where it is an approximation. ``solve_ms`` is the search alone.
+        the solution; ``converged`` only if every constraint is met; for an
+        approximation such as ``analytic``, if its iteration converged. ``solve_ms`` is the search
+        alone.
 
     Raises:
-        OptimizerError: a bad request: unknown method, bad guess or state.
+        OptimizerError: unknown method, bad guess or state.
     """
     if method not in method_names():
         raise OptimizerError(f"method is {method!r}; expected one of {', '.join(method_names())}")
@@ -124,7 +124,7 @@ def _solve(request: Request) -> Solution:
 
 
 def _check_arcs(request: Request) -> None:
-    """Refuse arcs that no method, or not this one, plans yet."""
+    """Refuse arcs that no method plans, or that this method does not plan."""
     throttled = throttled_ahead(request.arrays, request.state[0])
     if throttled.any() and request.method not in (AUTO, COLLOCATION, "indirect"):
         arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
@@ -161,7 +161,7 @@ def _check_held(request: Request) -> None:
         running = tail
     if running >= 0 and arrays.arcs[running]["held"]:
         raise UnfitMethod(
-            f"arc {running}: it burns in held attitude already, and no state says in which"
+            f"arc {running}: it is burning in held attitude, and no state gives the direction"
         )
     ahead = arrays.arcs[present:]
     if held and not ((ahead["kind"] == BURN) & (ahead["held"] == 0)).any():
@@ -169,7 +169,7 @@ def _check_held(request: Request) -> None:
 
 
 def _above_floors(request: Request, solution: Solution) -> Solution:
-    """The solution, or why it is none: a flight below the floor of an arc."""
+    """Set NOT_OPTIMAL on a solution below the floor of an arc."""
     if not solution.flyable:
         return solution
     low = below_floor(request.arrays, request.state, solution)
@@ -177,7 +177,7 @@ def _above_floors(request: Request, solution: Solution) -> Solution:
 
 
 def _with_arcs(request: Request, solution: Solution) -> Solution:
-    """The solution with the mission's arcs as they are flown."""
+    """Add the arcs of the mission with their times to a solution."""
     start = request.state[0]
     if not solution.arcs or len(solution.lengths_s) != len(free_arcs(request.arrays, start)):
         return solution

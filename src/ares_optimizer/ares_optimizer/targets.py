@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a target asks for, figure by figure."""
+"""List the elements of a target, with values and units."""
 
 import math
 from contextlib import suppress
@@ -33,13 +33,13 @@ Array = NDArray[np.float64]
 
 
 class TargetRow(NamedTuple):
-    """One figure that a kind of target asks for.
+    """Describe one element of a target.
 
     Attributes:
         key: field of the record TARGET.
         name: in words.
         unit: m, m/s, m2/s2, deg or 1.
-        turn: whether it is an angle of a whole turn.
+        turn: true for an angle modulo 360 deg.
     """
 
     key: Check
@@ -70,32 +70,32 @@ _PLACE = NAMES_RADIUS | NAMES_SPEED | NAMES_FLIGHT_PATH_ANGLE
 
 
 def rows_of(names: int) -> tuple[TargetRow, ...]:
-    """Return the rows of NAMES_*."""
+    """Return the rows of a set of NAMES_*."""
     return tuple(row for name, row in _ROWS.items() if names & name)
 
 
 def target_rows(target: Record) -> tuple[TargetRow, ...]:
-    """The figures that a target, record TARGET, asks for."""
+    """Return the rows of a target, record TARGET."""
     named = int(judged_by(target))
     if target["kind"] == TARGET_KEPLERIAN:
-        # where on the orbit is free
+        # the position in the orbit is free
         named &= ~_PLACE
     return rows_of(named)
 
 
 def in_unit(target: Record, row: TargetRow) -> float:
-    """What a target asks of a figure, in its unit."""
+    """Return the wanted value of an element, in the unit of its row."""
     value = float(target[row.key])
     return math.degrees(value) if row.unit == "deg" else value
 
 
 def half_turn(angle_deg: float) -> float:
-    """The same angle within half a turn of zero, deg."""
+    """Return an angle modulo 360 deg in [-180, 180)."""
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
 def figures_of(target: Record, position: Array, velocity: Array, mu: float) -> tuple[float, ...]:
-    """What a state comes to, figure by figure of :func:`target_rows`.
+    """Return the elements of a state, in the order of :func:`target_rows`.
 
     Args:
         target: record TARGET.
@@ -104,7 +104,7 @@ def figures_of(target: Record, position: Array, velocity: Array, mu: float) -> t
         mu: m3/s2.
 
     Returns:
-        in the unit of each row; nan for what a state on no orbit does not have.
+        values in the unit of each row; nan for elements that are not defined.
     """
     found: dict[str, float] = dict(vars(Insertion.from_state(position, velocity)))
     if target["kind"] in (TARGET_KEPLERIAN, TARGET_ELEMENTS):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One thread that solves what it is asked, one request after the other. No ROS."""
+"""Solve requests in one thread, in order. No ROS."""
 
 import threading
 from collections.abc import Callable
@@ -10,20 +10,20 @@ from ares_optimizer.deadline import Deadline
 
 
 class Job:
-    """One request, to be answered once.
+    """Hold one request, answered once.
 
     Attributes:
-        request: what is asked.
-        deadline: by which its search can be ended.
+        request: the request.
+        deadline: ends its search.
     """
 
     def __init__(self, request: Any, deadline: Deadline, reply: Callable[[Any], None]) -> None:
-        """Nothing is answered yet.
+        """Create an unanswered job.
 
         Args:
-            request: what is asked.
+            request: the request.
             deadline: of the search.
-            reply: sends a response, in whatever thread.
+            reply: sends a response, from any thread.
         """
         self.request = request
         self.deadline = deadline
@@ -32,23 +32,23 @@ class Job:
 
     @property
     def answered(self) -> bool:
-        """Tell whether a response was sent."""
+        """Return true if a response was sent."""
         return self._open.locked()
 
     def answer(self, response: Any) -> None:
-        """Send a response, unless another was sent."""
+        """Send a response, unless one was sent before."""
         if self._open.acquire(blocking=False):
             self._reply(response)
 
 
 class Worker:
-    """Takes jobs until it is closed."""
+    """Solve jobs in a thread until closed."""
 
     def __init__(self, solve: Callable[[Job], Any]) -> None:
         """Start the thread.
 
         Args:
-            solve: gives the response to a job; called in the thread.
+            solve: returns the response to a job; called in the thread.
         """
         self._solve = solve
         self._queue: SimpleQueue[Job | None] = SimpleQueue()
@@ -57,24 +57,24 @@ class Worker:
         self._thread.start()
 
     def put(self, job: Job) -> None:
-        """Have a job done, behind those before it."""
+        """Queue a job."""
         self._jobs.append(job)
         self._queue.put(job)
 
     def withdraw(self) -> list[Job]:
-        """End the search that runs, and those that wait; all that may not be answered yet."""
+        """End the running search and those that wait; return all jobs, answered or not."""
         jobs = list(self._jobs)
         for job in jobs:
             job.deadline.end_now()
         return jobs
 
     def close(self) -> None:
-        """Take no more jobs, and end the search that runs."""
+        """Accept no more jobs, and end the running search."""
         self.withdraw()
         self._queue.put(None)
 
     def wait(self, timeout_s: float | None = None) -> None:
-        """Wait until a closed worker has come to its end."""
+        """Wait for the thread of a closed worker to end."""
         self._thread.join(timeout_s)
 
     def _run(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The small dense algebra against NumPy, and the dual programme against brute force."""
+"""Compare the dense algebra with NumPy, and the dual program with brute force."""
 
 from itertools import combinations
 
@@ -65,7 +65,7 @@ def test_dual_programme(seed):
     k, z = int(rng.integers(1, 7)), 5
     rows = rng.standard_normal((k, z))
     if seed % 3 == 0 and k > 1:
-        rows[1] = 0.0  # a constraint that the equations have settled
+        rows[1] = 0.0  # a constraint that the equations already determine
     m = rows @ rows.T
     q = rng.standard_normal(k)
     q[np.diag(m) == 0.0] = 1.0
@@ -76,7 +76,7 @@ def test_dual_programme(seed):
     assert slack.min() > -1e-9
     assert abs(x @ slack) < 1e-9
 
-    # no other active set does better in the primal: 1/2 |d|^2 is least at the solution
+    # no other active set gives a smaller primal objective 1/2 |d|^2
     value = 0.5 * x @ m @ x + q @ x
     for size in range(k + 1):
         for active in combinations(range(k), size):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a request ended is a status, and what a check is about is a key: no prose is read."""
+"""Check that outcomes are statuses and subjects of checks are keys, without parsing prose."""
 
 import math
 
@@ -44,7 +44,7 @@ def test_a_target_underground_is_infeasible(ares_v, method):
 
 
 def test_a_limit_that_costs_too_much_propellant_is_infeasible(ares_v):
-    """Without the limit 127,424 kg do, with it 127,817 kg."""
+    """Need 127,424 kg without the limit, 127,817 kg with it."""
     _, arrays, start = ares_v
     arcs = arrays.arcs.copy()
     arcs["propellant"][1] = 127_600.0
@@ -56,7 +56,7 @@ def test_a_limit_that_costs_too_much_propellant_is_infeasible(ares_v):
 
 
 def test_iterations_used_up_are_no_obstacle(ares_v):
-    """Newton's method that may not iterate says so, and not that there is no flight."""
+    """Report used-up iterations as such, not as an infeasible mission."""
     _, arrays, start = ares_v
     options = TwoPointOptions(max_iterations=1)
     assert not TwoPointSolver(arrays, options).solve(start).converged

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed form: exact under linear gravity, and how far from the truth otherwise."""
+"""Test the closed form: exact in linear gravity, with measured errors otherwise."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ def ares():
 
 @pytest.fixture(scope="module")
 def free_root(ares):
-    """The flight with the fairing gone at ignition: both burns in one piece."""
+    """Return the root with the fairing dropped at ignition: both burns in one piece."""
     arrays, start = ares
     return TwoPointSolver(arrays, TwoPointOptions(heating=Heating.IGNORED)).solve(start)
 
 
 @pytest.mark.parametrize("rule", ["simpson", "milne"])
 def test_linear_gravity_is_met_exactly(ares, rule):
-    """Eqs. 3.20-3.29 and Runge-Kutta solve the same linear problem."""
+    """Solve the same linear problem by Eqs. 3.20-3.29 and by Runge-Kutta."""
     arrays, start = ares
     numeric = TwoPointSolver(arrays, TwoPointOptions(gravity="linear")).solve(start)
     closed = TwoPointSolver(
@@ -88,17 +88,17 @@ class TestAsPropagator:
         assert solution.notes["closed_form_position_error_m"] < 10.0
 
     def test_unfinished_is_not_called_verified(self, ares):
-        # arcs so long that the end is off by more than is allowed
+        # arcs so long that the error at the end exceeds the tolerance
         options = TwoPointOptions(propagator="closed_form", arc_length_s=40.0)
         solution = solve_indirect(*ares, options, finish=False)
         assert not solution.converged
         assert solution.reason.startswith("optimal in closed form, but flown exactly")
 
     def test_costates_of_the_thesis_are_not_those_of_the_true_field(self, ares):
-        """Eqs. 3.20, 3.21 on short arcs: the gradient keeps only its isotropic part.
+        """Use Eqs. 3.20, 3.21 on short arcs: the gradient keeps only its isotropic part.
 
-        The arcs' omega follows the radius, the costates do not know of it: what they lead to
-        stays short of the optimum however short the arcs are.
+        omega of the arcs follows the radius, but the costates ignore that: their flight is worse
+        than the optimum at any arc length.
         """
         exact = solve_indirect(*ares)
         late = []
@@ -123,7 +123,7 @@ class TestAsPropagator:
 @pytest.mark.parametrize("rule", ["simpson", "milne"])
 @pytest.mark.parametrize("correction", [False, True])
 def test_jacobian(gravity, rule, correction):
-    """Exact derivative of the discrete map, the re-linearisation included."""
+    """Check the exact derivative of the discrete map, the linearisation of each arc included."""
     mission = load_mission("delta_iii")
     first = mission.start()
     start = navigation(first.time_s, first.position, first.velocity)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planning by collocation: derivatives, published answers, floors, words."""
+"""Test collocation: derivatives, published answers, floors, messages."""
 
 import math
 import re
@@ -17,7 +17,7 @@ from ares_models.orbits import Elements
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import Trial, guess_of, trials
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.collocation.solve import Found, Valley, floors_on, moved_events, times_of
+from ares_optimizer.collocation.solve import Found, LocalOptimum, floors_on, moved_events, times_of
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
@@ -30,7 +30,7 @@ from ares_optimizer.solve import solve
 MISSIONS = Path(__file__).parent / "missions"
 LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
 #: Final masses in kg by an independent collocation (Radau, another program and solver), with
-#: parking coasts no lower than 100 km; more is welcome.
+#: parking coasts no lower than 100 km; lower bounds.
 SHIPPED = {
     "ariane5_eca": 21_170.8,
     "electron_sso": 283.28,
@@ -38,7 +38,7 @@ SHIPPED = {
     "soyuz_fregat": 8_484.44,
     "vulcan_gto": 21_478.44,
 }
-#: The same of missions that were once missed, or won with less.
+#: The same for missions that once failed, or had a smaller mass.
 MISSED = {
     "coast_04": 10_578.1,
     "coast_10": 2_676.86,
@@ -53,7 +53,7 @@ MISSED = {
     "target_below": 16_483.81,
     "two_waits": 3_453.6458,
 }
-#: Of launchers: a throttle that is at its least earlier, and later, than in any start.
+#: Launchers whose least throttle is reached earlier, and later, than in any start.
 THROTTLED = {"f9_escape": 8_600.816, "shuttle_oms": 125_847.1014}
 #: Those that take seconds.
 LONG = ("coast_18", "free_restart", "long_weak_burn", "nearly_there", "two_waits")
@@ -283,7 +283,7 @@ def test_a_flight_that_misses_its_target_does_not_stay_up() -> None:
         search = DirectSearch(request)
         lost = search.fly(np.array([1e5]))
         assert not lost.converged
-        assert not search.stays_up(lost)
+        assert not search.stays_above_ground(lost)
 
 
 def test_costates_are_those_of_the_two_point_problem() -> None:
@@ -355,7 +355,7 @@ def test_a_trial_in_three_burns_coasts_to_the_apogee() -> None:
 
 
 def test_burns_of_fixed_length_that_reach_an_orbit_are_not_wasted() -> None:
-    # the core and the second stage alone bring 700 km by 185 km, and a circle only with a yaw
+    # core and second stage alone reach 700 km by 185 km, and a circular orbit only with yaw
     _, trial = first_trial("soyuz_gto")
     assert trial.times.lengths[0] < 0.01 * 1_078.0
     coast = trial.track[trial.track[:, rollout.ARC] == 4][0]
@@ -384,10 +384,10 @@ def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
     point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
     found = Found(program, point, 11_722.0)
-    valley = Valley(found, np.array([300.0, 900.0]))
-    assert valley.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
-    assert not valley.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 3_000.0]))
-    assert not valley.holds(replace(found, m_f_kg=11_900.0), np.array([301.0, 905.0]))
+    optimum = LocalOptimum(found, np.array([300.0, 900.0]))
+    assert optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
+    assert not optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 3_000.0]))
+    assert not optimum.holds(replace(found, m_f_kg=11_900.0), np.array([301.0, 905.0]))
 
 
 def test_an_event_that_has_run_into_another_is_moved_beyond_it() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direct methods against the figures of two independent programs, and their robustness."""
+"""Test the direct methods against two independent programs, and their robustness."""
 
 import math
 from statistics import median
@@ -24,7 +24,7 @@ def ares_v():
 
 
 def proven(solution):
-    """Converged, and the independent integration agrees."""
+    """Check that a solution converged and that the independent integration agrees."""
     assert solution.converged, solution.reason
     assert all(check.satisfied for check in solution.constraints)
     assert solution.verification.position_defect_m < 0.1
@@ -98,7 +98,7 @@ def test_saturn_v(method):
     solution = proven(solve(mission, method))
     assert solution.jettison_times_s[1:] == pytest.approx((192.3, 197.9))
     assert solution.m_f_kg == pytest.approx(136_417.9, abs=0.1)
-    # the thrust ends after the command: the target holds at its end
+    # the thrust ends after the command: the target is met at the end of thrust
     last = solution.arcs[-1]
     assert last.end_s > solution.t_meco_s
     assert last.end_mass_kg == pytest.approx(solution.m_f_kg, abs=1e-6)
@@ -186,7 +186,7 @@ def test_steering_arcs_tell_the_whole_flight(ares_v):
         assert np.linalg.norm(arc.direction) == pytest.approx(1.0)
     assert arcs[1].end_mass_kg - arcs[2].start_mass_kg == pytest.approx(5837.0)
     assert arcs[1].start_mass_kg == 307_837.0
-    # Eq. 3.40: the thrust direction goes on through the jettison
+    # Eq. 3.40: the thrust direction is continuous at the jettison
     before = np.array(arcs[1].direction) + np.array(arcs[1].direction_rate) * (
         arcs[1].end_s - arcs[1].reference_time_s
     )
@@ -233,7 +233,7 @@ def test_deadline_ends_a_search(ares_v, monkeypatch):
     arrays = ares_v.arrays()
     arrays.jettisons["value"] = 1e-9
     start = ares_v.start().navigation()
-    # the time is over when it is asked for the fourth time
+    # the fourth look at the clock is after the limit
     asked = iter([False] * 3)
     monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
     solution = solve(arrays, state=start, time_limit_s=60.0)

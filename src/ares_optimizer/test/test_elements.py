@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets by elements against those that say the same in another way, and what is left free."""
+"""Compare equivalent targets by elements, and test the elements left free."""
 
 import math
 
@@ -153,9 +153,9 @@ def test_a_circle_is_a_radius_a_speed_and_no_angle():
     same = best(**state).m_f_kg
     circle = {"apogee_altitude_m": 185e3, "inclination_deg": 28.5}
     assert best(perigee_radius_m=radius, **circle).m_f_kg == pytest.approx(same, abs=1e-9)
-    # a perigee alone asks for it too
+    # a perigee alone requires it too
     assert best(perigee_radius_m=radius, inclination_deg=28.5).m_f_kg == pytest.approx(same, 1e-12)
-    # by the rows of its own, in a named plane
+    # by its rows, in a named plane
     node = best(**state).verification.ascending_node_deg
     free = best(perigee_radius_m=radius, ascending_node_deg=node)
     assert free.m_f_kg == pytest.approx(same, abs=2e-3)
@@ -215,7 +215,7 @@ def test_an_element_set_free_loses_no_mass():
         "ascending_node_deg": 269.8,
         "argument_of_perigee_deg": 130.5,
     }
-    # a tenth of a degree beside where the free optimum ends
+    # 0.1 deg from the end of the free optimum
     masses = [best("delta_iii", **sizes, **angles, true_anomaly_deg=6.883).m_f_kg]
     masses.append(best("delta_iii", **sizes, **angles).m_f_kg)
     for freed in ("argument_of_perigee_deg", "ascending_node_deg", "inclination_deg"):
@@ -233,7 +233,7 @@ def test_escape_by_energy_and_by_a_negative_axis():
     one = best(perigee_altitude_m=185e3, c3_m2_s2=c3, **plane)
     other = best(perigee_altitude_m=185e3, semi_major_axis_m=-MU / c3, **plane)
     assert other.m_f_kg == pytest.approx(one.m_f_kg, abs=1e-3)
-    # no jump where the ellipse opens
+    # continuous from ellipse to hyperbola
     below, at, above = (
         best(perigee_altitude_m=185e3, c3_m2_s2=x, **plane).m_f_kg for x in (-1e4, 0.0, 1e4)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Failures that the optimizer knows of all along: the arrays that are left, and their optima."""
+"""Test missions with known failures: their arrays and their optima."""
 
 import math
 from importlib import resources
@@ -22,14 +22,14 @@ def left_of(name, failure):
 
 
 def burnt(arcs):
-    """Propellant of every burn of fixed length by its curve, kg."""
+    """Return the propellant of every burn of fixed length by its curve, kg."""
     fixed = arcs[(arcs["kind"] == BURN) & np.isfinite(arcs["duration"])]
     return float(np.sum((fixed["duration"] - fixed["start_loss"]) * fixed["mass_flow"]))
 
 
 @pytest.fixture
 def failing_file(tmp_path):
-    """A shipped mission with `engine_out` in the burn of a length, as a file."""
+    """Write a shipped mission with `engine_out` in the burn of a length, as a file."""
 
     def write(name, burn_time, text):
         shipped = resources.files("ares_models").joinpath("missions", f"{name}.yaml").read_text()
@@ -133,7 +133,7 @@ def test_a_stuck_fairing_is_carried_to_the_end():
     assert solution.converged
     assert math.isnan(solution.jettison_times_s[0])
     free = solve_indirect(load_mission("ares_v").arrays(), start, verify=False)
-    # what it weighs, and what it takes to carry it
+    # its mass, and the propellant to carry it
     assert free.m_f_kg < solution.m_f_kg < free.m_f_kg + 5837.0
     assert solution.t_meco_s > free.t_meco_s
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions with free arcs: published answers, exact derivatives, bounds, minima."""
+"""Test missions with free arcs: published answers, exact derivatives, bounds, minima."""
 
 import math
 from dataclasses import replace
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.indirect.free_arcs import find_planned, is_least
+from ares_optimizer.indirect.free_arcs import find_planned, is_minimum
 from ares_optimizer.indirect.solver import TwoPointSolver
 from ares_optimizer.plan import free_arcs, length_bounds, trial_lengths, with_lengths
 from ares_optimizer.solution import Check, Status, UnfitMethod
@@ -79,7 +79,7 @@ class TestPublished:
         assert "goes through the ground" in solution.reason
 
     def test_a_coast_at_its_bound_has_a_price(self, solved):
-        """A second more of it is worth what the neighbouring problem says."""
+        """Compare the value of a second of coast with the neighbouring problem."""
         checks = [c for c in solved["titan2_restart"].constraints if c.key is Check.ARC_LENGTH]
         burn, coast = checks
         assert (burn.active, coast.active) == (False, True)
@@ -108,7 +108,7 @@ def test_the_multiplier_of_a_bound(tmp_path, solved):
 
 
 def assert_jacobian(solver, start, base, rtol, atol):
-    """Each column against central differences; ``atol`` is a part of its greatest entry."""
+    """Compare each column with central differences; ``atol`` is relative to its greatest entry."""
     _, jacobian, _ = solver.shoot(start, base)
     for c, step in enumerate([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6)):
         move = np.zeros(base.size)
@@ -131,7 +131,7 @@ def assert_jacobian(solver, start, base, rtol, atol):
     ],
 )
 def test_jacobian_is_exact(solved, name, held):
-    """Of switching conditions and held lengths, against differences."""
+    """Compare switching conditions and held lengths with differences."""
     flight = mission(name)
     start = flight.start().navigation()
     solver = TwoPointSolver(flight.arrays())
@@ -142,7 +142,7 @@ def test_jacobian_is_exact(solved, name, held):
 
 
 def test_a_length_is_worth_what_its_change_costs(solved):
-    """The switching function against the mission solved with another length."""
+    """Compare the switching function with the mission at another length."""
     flight = mission("titan2_restart")
     start = flight.start().navigation()
     solver = TwoPointSolver(flight.arrays())
@@ -154,7 +154,7 @@ def test_a_length_is_worth_what_its_change_costs(solved):
         solver.hold(start, held)
         there = solver.solve(start, root, restart=False)
         assert there.converged
-        return there.taken_kg
+        return there.propellant_kg
 
     cost(0.0)
     worth = float(solver.work["switches"]["worth"][0, 0] / solver.work["price"][0])
@@ -181,7 +181,7 @@ class TestBounds:
         assert root.holds == (NOT_HELD, AT_LONGEST)
 
     def test_no_coast_where_none_pays(self, tmp_path):
-        """A coast that would rather vanish."""
+        """Hold a coast at its shortest where it costs propellant."""
         changed = edited(
             tmp_path,
             "two_burn",
@@ -196,21 +196,21 @@ class TestBounds:
 
 
 def test_a_saddle_is_no_minimum(solved):
-    """Lengths at which the conditions hold and a neighbour does better are refused."""
+    """Refuse lengths that meet the conditions but have a better neighbour."""
     flight = mission("titan2_coast")
     start = flight.start().navigation()
     solver = TwoPointSolver(flight.arrays())
     root = solver.solve(start, solved["titan2_coast"].parameters, restart=False)
-    assert is_least(solver, start, root)
+    assert is_minimum(solver, start, root)
     solver.hold(start, {0: 20.0})
     off = solver.solve(start, solved["titan2_coast"].parameters, restart=False)
     assert off.converged
-    # as if 20 s had been found
-    assert not is_least(solver, start, replace(off, holds=(NOT_HELD,)))
+    # pretend that 20 s was found
+    assert not is_minimum(solver, start, replace(off, holds=(NOT_HELD,)))
 
 
 def test_last_burn_of_fixed_length(tmp_path):
-    """A solid that closes the flight: the free burn before it makes up for it."""
+    """End with a solid motor: the free burn before it compensates."""
     changed = edited(
         tmp_path,
         "titan2_restart",
@@ -224,7 +224,7 @@ def test_last_burn_of_fixed_length(tmp_path):
     assert last.end_s - last.start_s == pytest.approx(12.0, abs=1e-6)
     free = solve(mission("titan2_restart"), "indirect")
     assert solution.delta_v_m_s > free.delta_v_m_s
-    # with the solid as long as the optimum has it, nothing is lost
+    # a solid as long as in the optimum loses nothing
     length = free.flown[-1].end_s - free.flown[-1].start_s
     same = edited(
         tmp_path,
@@ -281,7 +281,7 @@ class TestThrottledBurns:
     @pytest.mark.parametrize("throttle", THROTTLES)
     @pytest.mark.parametrize("name", ["titan2_circular", "titan2_coast", "titan2_restart"])
     def test_flown_again(self, tmp_path, name, throttle):
-        """By the proof's own engine; the acceleration stays below its limit."""
+        """Verify by the engine of the proof; the acceleration stays below its limit."""
         flight = throttled(tmp_path, name, throttle)
         solution = solve(flight, "indirect")
         assert solution.converged or "through the ground" in solution.reason
@@ -319,7 +319,7 @@ class TestThrottledBurns:
 
 
 class TestOblateness:
-    """J2 in the two-point problem, burns and coasts."""
+    """Solve the two-point problem with J2, in burns and coasts."""
 
     @pytest.fixture
     def oblate(self, tmp_path):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a state within the flight: the optimum, or an honest failure, whichever state it is."""
+"""Solve from states within the flight: the optimum, or a failure with its cause."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ IN_THE_COAST = (530.0, 147.1, 146.9, 146.6, 146.4, 146.1, 142.0)  # of AS-506, a
 
 
 class Optimum:
-    """A mission's optimum by direct11, and the states on it."""
+    """Hold a mission's optimum by direct11 and the states on it."""
 
     def __init__(self, name):
         self.mission = load_mission(name)
@@ -55,7 +55,7 @@ class Optimum:
         )
 
     def state(self, to_go, error=(0.0,) * 6):
-        """The state so many seconds before cut-off, moved by ``error`` (m, m/s)."""
+        """Return the state some seconds before cut-off, displaced by ``error`` (m, m/s)."""
         now = self.solution.t_meco_s - to_go
         (y,) = [x.state(now) for x in self.flight.pieces if x.begin <= now < x.end]
         begins = self.mission.start().time_s + np.concatenate(
@@ -85,7 +85,7 @@ def saturn():
 
 
 def errors(count, metres, seed=1):
-    """Random errors of ``metres`` and a hundredth of that in m/s, per axis."""
+    """Return random errors of ``metres`` and a hundredth of that in m/s, per axis."""
     rng = np.random.default_rng(seed)
     scale = np.repeat([metres, 0.01 * metres], 3)
     return rng.normal(size=(count, 6)) * scale
@@ -97,7 +97,7 @@ def errors(count, metres, seed=1):
     + [("indirect", t) for t in TO_GO + LAST_SECOND],
 )
 def test_remainder_of_the_optimum(ares_v, method, to_go):
-    """Before and after staging and jettison (350.3 s to go), down to a twentieth of a second."""
+    """Start before and after staging and jettison, 350.3 s to 0.05 s before cut-off."""
     rest = solve(ares_v.arrays, method, state=ares_v.state(to_go), verify=to_go < 1.0)
     assert rest.converged, rest.reason
     assert rest.m_f_kg == pytest.approx(ares_v.solution.m_f_kg, abs=SAME_KG)
@@ -109,7 +109,7 @@ def test_remainder_of_the_optimum(ares_v, method, to_go):
     + [("indirect", t) for t in (*IN_THE_COAST, 10.0, 2.0, 0.2)],
 )
 def test_remainder_with_coasts_ramps_and_a_tail_off(saturn, method, to_go):
-    """AS-506: the S-II's tail-off runs from 147.03 to 146.52 s before cut-off, in a coast."""
+    """Start in the coast with the S-II's tail-off, 147.03 to 146.52 s before cut-off."""
     rest = solve(saturn.arrays, method, state=saturn.state(to_go))
     assert rest.converged, rest.reason
     assert rest.m_f_kg == pytest.approx(saturn.solution.m_f_kg, abs=SAME_KG)
@@ -117,7 +117,7 @@ def test_remainder_with_coasts_ramps_and_a_tail_off(saturn, method, to_go):
 
 @pytest.mark.parametrize("name", ["ares_v", "saturn_v_as506"])
 def test_no_wrong_success_close_to_cut_off(ares_v, saturn, name):
-    """A few metres off, too late to mend: a loop of 420 s is an extremal, not the optimum."""
+    """Start a few metres off close to cut-off: a loop of 420 s is an extremal, not the optimum."""
     optimum = {"ares_v": ares_v, "saturn_v_as506": saturn}[name]
     solved = 0
     states = 0
@@ -138,7 +138,7 @@ def test_no_wrong_success_close_to_cut_off(ares_v, saturn, name):
 
 
 def test_a_loop_is_refused_without_a_rival_too(ares_v):
-    """At 2 ms nothing but the loop is found: refused with and without verification."""
+    """Refuse the loop found 2 ms before cut-off, with and without verification."""
     state = ares_v.state(0.002, errors(1, 3.0)[0])
     for verify in (True, False):
         solution = solve(ares_v.arrays, "indirect", state=state, verify=verify)
@@ -148,7 +148,7 @@ def test_a_loop_is_refused_without_a_rival_too(ares_v):
 
 
 def test_early_states_are_solved_however_dispersed(ares_v):
-    """One kilometre and 10 m/s per axis: the optimum by either method."""
+    """Disperse by 1 km and 10 m/s per axis: both methods find the optimum."""
     for to_go in (600.0, 431.0, 355.0, 200.0, 100.0):
         for error in errors(2, 1000.0, seed=int(to_go)):
             state = ares_v.state(to_go, error)
@@ -159,7 +159,7 @@ def test_early_states_are_solved_however_dispersed(ares_v):
 
 
 def test_impossible_states_end_in_a_reason(ares_v):
-    """Hundreds of metres off at the last moment: no exception, no success, one line."""
+    """Start hundreds of metres off just before cut-off: one line, no exception."""
     for to_go in (1.0, 0.5, 0.05):
         for error in errors(8, 1500.0, seed=int(100 * to_go)):
             solution = solve(ares_v.arrays, "direct11", state=ares_v.state(to_go, error))
@@ -168,7 +168,7 @@ def test_impossible_states_end_in_a_reason(ares_v):
 
 
 def test_short_flights_take_few_iterations(ares_v):
-    """Times and rates are scaled by what is left: as many steps at 5 s as at 300 s."""
+    """Scale times and rates by the time left: as many iterations at 5 s as at 300 s."""
     solver = TwoPointSolver(ares_v.arrays)
     long, short = (solver.solve(ares_v.state(to_go)) for to_go in (300.0, 5.0))
     assert long.converged and short.converged
@@ -176,7 +176,7 @@ def test_short_flights_take_few_iterations(ares_v):
 
 
 def indirect(flight, state, deadline=None):
-    """A request to the indirect method."""
+    """Return a request of the indirect method."""
     deadline = deadline or Deadline()
     return Request(flight.arrays, state, "indirect", Heating.AT_JETTISON, deadline)
 
@@ -187,7 +187,7 @@ class TestRival:
         assert solution.notes["direct11_m_f_kg"] == pytest.approx(174_183.08, abs=0.05)
 
     def test_leads_a_failed_search(self, ares_v):
-        """What the indirect method did not find from nothing, it finds from its rival."""
+        """Give a failed indirect search the guess of its rival."""
         start = ares_v.mission.start().navigation()
 
         def again(guess):
@@ -226,7 +226,7 @@ class TestRival:
         assert find_rival(indirect(ares_v, state)) is None
 
     def test_ample_velocity(self, ares_v):
-        """Above what the optimum takes from the start, and little where little is left."""
+        """Exceed the velocity of the optimum at the start, and fall towards its end."""
         start = ares_v.mission.start().navigation()
         spent = sum(arc.delta_v_m_s for arc in ares_v.solution.arcs)
         assert spent < ample_delta_v(ares_v.arrays, start) < 2.0 * spent
@@ -243,7 +243,7 @@ class TestTimeLimit:
 
     @pytest.mark.parametrize("method", ["direct11", "indirect"])
     def test_cuts_a_search_short(self, ares_v, method, monkeypatch):
-        """The limit passes during the first start: no second one, and that is the reason."""
+        """Pass the limit during the first start: no second start, and that reason."""
         asked = iter([False])
         monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
         arrays = ares_v.mission.arrays()

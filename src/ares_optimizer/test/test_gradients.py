@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of the shooting against complex step on a copy of it in plain NumPy.
+"""Compare exact derivatives with complex steps on a copy in plain NumPy.
 
-The copy below shares the layout of events and the problem's arrays with the kernels, and
-nothing else: gravity, mass, steering and the Runge-Kutta-Nystroem scheme are written again,
-so that complex numbers pass through.
+The copy below shares only the order of events and the arrays of the problem with the kernels:
+gravity, mass, steering and the Runge-Kutta-Nystroem scheme are written again for complex numbers.
 """
 
 import numpy as np
@@ -21,8 +20,8 @@ from ares_optimizer.direct.kernels.flight import BREAKS, LATER_PEAKS, gravity_gr
 from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
 from ares_optimizer.direct.kernels.sqp import (
     Frame,
-    Prices,
-    Room,
+    Multipliers,
+    Workspace,
     estimate_multipliers,
     lagrangian_gradient,
     reduced_hessian,
@@ -60,7 +59,7 @@ def gravity(r, environment):
 
 
 def plain_flight(p, problem, times, breaks, count):
-    """Final position and velocity, and those at each free drop; complex if ``p`` is."""
+    """Return final position and velocity, and those at each free drop; complex if ``p`` is."""
     environment = problem.environment[0]
     r = problem.state[:3].astype(p.dtype)
     v = problem.state[3:].astype(p.dtype)
@@ -304,15 +303,15 @@ def test_reduced_hessian_is_that_of_the_lagrangian():
     scratch, point, other = make_scratch(problem), make_point(problem), make_point(problem)
     evaluate_with_gradients(p, problem, scratch, point)
     nu, mu = np.zeros(len(point.equations)), np.zeros(len(point.inequalities))
-    estimate_multipliers(point, Prices(nu, mu))
+    estimate_multipliers(point, Multipliers(nu, mu))
     assert nu == pytest.approx(found.equations, rel=1e-6, abs=1e-8)
     base = np.empty(n)
-    lagrangian_gradient(point, Prices(nu, mu), base)
+    lagrangian_gradient(point, Multipliers(nu, mu), base)
     basis = np.linalg.svd(point.equation_rows)[2][len(nu) :].T.copy()
     z = basis.shape[1]
-    room = Room(scratch, point, other)
+    workspace = Workspace(scratch, point, other)
     frame = Frame(basis, np.zeros(n), base)
-    hessian, _ = reduced_hessian(p, problem, room, Prices(nu, mu), frame)
+    hessian, _ = reduced_hessian(p, problem, workspace, Multipliers(nu, mu), frame)
 
     def lagrangian(q):
         f = evaluate(q, problem, scratch, other)

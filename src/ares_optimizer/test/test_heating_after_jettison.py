@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The heating may rise again after the jettison: reported, and held down if asked."""
+"""Test the second rise of heating after the jettison: reported, and limited on request."""
 
 from itertools import pairwise
 
@@ -83,7 +83,7 @@ def test_a_touch_is_cheaper_than_keeping_the_fairing(ares_v):
     free = solve(arrays, "direct20", state=start)
     assert 50.0 < free.m_f_kg - held.m_f_kg < 90.0
 
-    # the price of the limit, against a solution with a little more of it
+    # sensitivity to the limit, against a solution with a slightly higher one
     eased = dense(ares_v, 2.05)
     eased.jettisons["value"] += 1.0
     more = solve(eased, "direct20", state=start, heating="from_jettison")
@@ -92,7 +92,7 @@ def test_a_touch_is_cheaper_than_keeping_the_fairing(ares_v):
 
 
 def test_a_limit_that_cannot_be_held_is_named(ares_v):
-    # at cut-off alone the heating is past the limit
+    # the heating exceeds the limit at cut-off only
     arrays, start = dense(ares_v, 2.6), ares_v.start().navigation()
     solution = solve(arrays, state=start, heating="from_jettison")
     assert not solution.converged

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Burns in held attitude: exact derivatives, the optimum by two methods, what it costs."""
+"""Test burns in held attitude: exact derivatives, the optimum by two methods, their cost."""
 
 import math
 from pathlib import Path
@@ -49,7 +49,7 @@ def mission(name):
 
 
 def guided(flight):
-    """The same mission with nothing held."""
+    """Return the same mission with all burns guided."""
     arrays = flight.arrays()
     arrays.arcs["held"] = 0
     return arrays
@@ -74,7 +74,7 @@ THROTTLED = (
     "attitude: held",
     "attitude: held\n        max_acceleration_m_s2: 40.0\n        min_throttle: 0.5",
 )
-#: A shroud that goes while the solid burns.
+#: A shroud dropped during the burn of the solid.
 SHROUD = (
     ("density_factor: 1.0e-12", "density_factor: 1.0"),
     (
@@ -93,7 +93,7 @@ TAIL = (
 
 
 class TestJacobian:
-    """Against five-point differences."""
+    """Compare with five-point differences."""
 
     def check(self, flight, name, solved, longer=1.5):
         start = flight.start().navigation()
@@ -110,7 +110,7 @@ class TestJacobian:
         # away from the root, where nothing is 0
         base[:6] *= np.linspace(1.01, 0.98, 6)
         base[base.size - held :] += 0.02
-        # no segment is a whole number of steps long: its grid stays the same
+        # no segment is a whole number of steps long, so its number of steps does not change
         base[6] += longer
         _, jacobian, _ = solver.shoot(start, base)
         steps = np.full(base.size, 2e-2)
@@ -149,7 +149,7 @@ class TestJacobian:
 
 
 class TestSameOptimum:
-    """By the two-point problem and by the direct methods, which know nothing of costates."""
+    """Compare the two-point problem with the direct methods, which have no costates."""
 
     def test_held_in_the_middle(self, solved):
         flight = mission(MIDDLE)
@@ -171,14 +171,14 @@ class TestSameOptimum:
         assert direct.converged, direct.reason
         assert direct.delta_v_m_s == pytest.approx(solution.delta_v_m_s, abs=2e-3)
         assert direct.lengths_s[0] == pytest.approx(solution.lengths_s[0], abs=0.01)
-        # of the coast a second costs next to nothing there
+        # there a second of coast costs almost nothing
         assert direct.lengths_s[1] == pytest.approx(solution.lengths_s[1], abs=1.0)
         assert direct.flown[-1].end_s - direct.flown[-1].start_s == pytest.approx(40.0, abs=1e-3)
         assert direct.arcs[-1].direction == pytest.approx(solution.arcs[-1].direction, abs=1e-3)
 
     @pytest.mark.parametrize("name", ["titan2_circular", "titan2_coast"])
     def test_held_from_the_start(self, edited, name):
-        """Before a guided burn, and before a free coast, whose length both methods find."""
+        """Hold the first burn, before a guided burn and before a free coast."""
         burn = "burn_time_s: 148.102380138703"
         flight = edited(name, (burn, f"{burn}\n    attitude: held"))
         solution = solve(flight, "indirect")
@@ -214,7 +214,7 @@ class TestSameOptimum:
 class TestProof:
     @pytest.mark.parametrize("name", [MIDDLE, KICK])
     def test_flown_again(self, solved, name):
-        """Onto the target, with one direction all through the burn, and the best one."""
+        """Verify the target, one direction throughout the burn, and that it is optimal."""
         solution = solved[name]
         assert solution.verification.position_defect_m < 0.01
         assert solution.verification.velocity_defect_m_s < 1e-5
@@ -241,7 +241,7 @@ class TestProof:
         assert ours == pytest.approx(theirs, abs=1e-9)
 
     def test_the_laws_of_a_solution(self, solved):
-        """What guidance is served: the direction stands still, and no primer has it."""
+        """Return a constant direction without a primer rate to guidance."""
         laws = {arc.start_s: arc for arc in solved[MIDDLE].arcs}
         held = laws[135.0]
         assert held.direction_rate == (0.0, 0.0, 0.0)
@@ -288,7 +288,7 @@ class TestLoss:
         assert 0.0 < loss < 5.0
 
     def test_vanishes_with_the_length(self, edited, unheld):
-        """It goes with the cube of the length: the turn that is missed, squared, over it."""
+        """Check that the cost is of third order in the length of the burn."""
         losses = []
         for length in (20.0, 10.0, 5.0):
             flight = edited(
@@ -311,7 +311,7 @@ class TestLoss:
 
 
 def test_what_a_second_of_coast_is_worth(solved):
-    """The Hamiltonian before a held burn, against the mission solved with other lengths."""
+    """Compare the Hamiltonian before a held burn with missions of other lengths."""
     flight = mission(KICK)
     start = flight.start().navigation()
     solver = TwoPointSolver(flight.arrays())
@@ -321,7 +321,7 @@ def test_what_a_second_of_coast_is_worth(solved):
         solver.hold(start, {1: coast})
         there = solver.solve(start, root, restart=False)
         assert there.converged
-        return there.taken_kg
+        return there.propellant_kg
 
     taken(240.0)
     worth = float(solver.work["switches"]["worth"][0, 1] / solver.work["price"][0])
@@ -340,7 +340,7 @@ class TestRefusals:
         start["arc"] = 2
         start["arc_start_time"] = 135.0
         start["time"] = 140.0
-        with pytest.raises(UnfitMethod, match="arc 2: it burns in held attitude already"):
+        with pytest.raises(UnfitMethod, match="arc 2: it is burning in held attitude"):
             solve(flight, "indirect", state=start)
 
     def test_within_its_tail(self, edited):
@@ -349,7 +349,7 @@ class TestRefusals:
         start["arc"] = 3
         start["arc_start_time"] = 185.0
         start["time"] = 188.0
-        with pytest.raises(UnfitMethod, match="arc 2: it burns in held attitude already"):
+        with pytest.raises(UnfitMethod, match="arc 2: it is burning in held attitude"):
             solve(flight, "indirect", state=start)
 
     def test_nothing_guided_ahead(self):
@@ -376,7 +376,7 @@ class TestRefusals:
 
 
 def test_several_held_burns(edited, solved):
-    """Two directions are better than one, and worse than a burn that turns."""
+    """Rank two directions: better than one, worse than a guided burn."""
     half = "        burn_time_s: 25.0\n        attitude: held\n"
     engine = "        thrust_n: 102400.0\n        isp_s: 290.0\n"
     flight = edited(
@@ -395,7 +395,7 @@ def test_several_held_burns(edited, solved):
 
 
 def test_a_free_length_of_a_held_burn():
-    """No mission file has one, but the condition is there: H with lambda_v . w is 0 at its end."""
+    """Check H with lambda_v . w = 0 at a free end, which no mission file has."""
     flight = mission("two_burn")
     start = flight.start().navigation()
     arrays = flight.arrays()
@@ -408,7 +408,7 @@ def test_a_free_length_of_a_held_burn():
         solver.hold(start, {0: solution.lengths_s[0] + change})
         there = solver.solve(start, solution.parameters, restart=False)
         assert there.converged
-        return there.taken_kg
+        return there.propellant_kg
 
     least = taken(0.0)
     # 7.7 kg/s flow; a second off costs 1.5 kg
@@ -430,7 +430,7 @@ class TestGuesses:
         assert again.m_f_kg == pytest.approx(solved[MIDDLE].m_f_kg, abs=5e-3)
 
     def test_without_a_direction_the_solver_aims(self, solved):
-        """Zeros stand for none: the flight of the guess, guided, gives the first one."""
+        """Treat zeros as unknown: a guided flight gives the first direction."""
         flight = mission(MIDDLE)
         start = flight.start().navigation()
         solver = TwoPointSolver(flight.arrays())
@@ -456,7 +456,7 @@ class TestGuesses:
 
 
 def test_drops_at_fixed_times_first_leave_the_other_unknowns(edited, solved):
-    """Where limits come back among the unknowns, ends and directions move out of their way."""
+    """Keep ends and directions as limits return to the unknowns."""
     flight = edited(KICK, SHROUD[0], (SHROUD[1][0], SHROUD[1][1].replace("100.0", "20.0")))
     start = flight.start().navigation()
     solver = TwoPointSolver(flight.arrays())
@@ -484,7 +484,7 @@ def test_collocation_saves_what_the_last_stage_with_a_free_burn_takes(solved):
 
 def test_a_flight_in_which_no_burn_is_free_is_no_optimum():
     arrays = mission(KICK).arrays()
-    # longer than the shortest, so that there is something to waste
+    # longer than the shortest, to have excess energy
     arrays.arcs["duration"][1] = 139.0
     start = mission(KICK).start().navigation()
     found = solve(arrays, "auto", state=start)

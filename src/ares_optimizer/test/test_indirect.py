@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The indirect method against published optima, exact derivatives and its own invariants."""
+"""Test the indirect method: published optima, exact derivatives and invariants."""
 
 import math
 from dataclasses import replace
@@ -23,10 +23,10 @@ from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_models.mission import load_mission
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solve import (
+    _failure_cause,
     _from_high_limits,
     _from_light_drops,
     _from_linear_gravity,
-    _why_not,
     solve_indirect,
 )
 from ares_optimizer.indirect.solver import (
@@ -79,7 +79,7 @@ def ares():
 
 
 def spline_table():
-    """The thesis-form points joined by a cubic spline of log density."""
+    """Return the points of the thesis joined by a cubic spline of log density."""
     h = np.array([1e3 * row[0] for row in THESIS_FORM])
     spline = CubicSpline(h, np.log([row[1] for row in THESIS_FORM]))
     table = np.zeros((h.size, 5))
@@ -91,7 +91,7 @@ def spline_table():
 
 
 def smooth_table():
-    """One cubic: no knots that differences could stumble over."""
+    """Return a table of one cubic, without knots that disturb differences."""
     c = (math.log(3.3e-4), -1.0 / 7.0e3, 1.2e-10, 2e-16)
     x = 340e3
     end = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
@@ -100,7 +100,7 @@ def smooth_table():
 
 
 def mass_at(cutoff):
-    """Table 2.2: what is left of the upper stage, kg."""
+    """Return the mass left of the upper stage, kg (Table 2.2)."""
     return 307837.0 - 5837.0 - FLOW * (cutoff - 337.15)
 
 
@@ -121,7 +121,7 @@ class TestPublishedOptima:
         assert solution.t_meco_s == pytest.approx(766.9067, abs=0.0001)
 
     def test_other_densities_move_the_jettison_by_a_tenth_of_a_second(self, ares):
-        """pra63 between its dense data, and in exponential layers: 0.3 % of density."""
+        """Compare pra63 as dense data and as exponential layers: 0.3 % of density."""
         arrays, start = ares
         for table, jettison, mass in (
             (pra63_data().table, 416.514, 174183.615),
@@ -170,11 +170,11 @@ class TestPublishedOptima:
         assert solution.t_meco_s == pytest.approx(924.139, abs=0.001)
 
     def test_saturn_v(self):
-        """Coasts, ramps, tail-offs, three drops at fixed times, a fixed plane."""
+        """Solve with coasts, ramps, tail-offs, three drops at fixed times, a fixed plane."""
         solution = solve_indirect(*mission("saturn_v_as506"))
         assert solution.converged, solution.reason
         assert solution.jettison_times_s == (167.0, 192.3, 197.9)
-        # flown: insertion at 709.33 s, by a law that did not seek the optimum
+        # flown: insertion at 709.33 s, by a law that is not optimal
         assert 690.0 < solution.t_meco_s < 709.33
 
 
@@ -208,12 +208,12 @@ class TestProof:
         assert solution.notes["final_hamiltonian_m_s2"] > 0.0
 
     def test_turn_about_the_pole_is_kept(self, ares):
-        """Gravity, thrust along the primer and the jump all leave C . z alone: it stays 0."""
+        """Keep C . z = 0 under gravity, thrust along the primer and the jump."""
         solution = solve_indirect(*ares)
         assert solution.notes["pole_turn_spread_m_s"] < 1e-9
 
     def test_jump(self, ares):
-        """Eqs. 3.44-3.51 in full: the costates before and after the drop."""
+        """Check Eqs. 3.44-3.51 in full: the costates before and after the drop."""
         arrays, start = ares
         solution = solve_indirect(arrays, start)
         costates = solution.costates
@@ -229,7 +229,7 @@ class TestProof:
         np.testing.assert_allclose(change_r, pi * np.array(by_r), rtol=1e-6)
         np.testing.assert_allclose(change_v, pi * np.array(by_v), rtol=1e-6)
         assert costates.hamiltonian[at] == pytest.approx(costates.hamiltonian[at + 1], rel=1e-9)
-        # the thrust direction hardly jumps, its rate does
+        # the jump of the thrust direction is small, that of its rate is not
         before, after = costates.lambda_v[at], costates.lambda_v[at + 1]
         turn = np.linalg.norm(np.cross(before, after))
         assert math.degrees(turn / np.linalg.norm(before) ** 2) < 0.1
@@ -294,7 +294,7 @@ class TestJacobian:
 
     @pytest.mark.parametrize("step_s", [10.0, 40.0])
     def test_keplerian_target(self, step_s):
-        """The derivative is that of the discrete map: coarse steps make it no worse."""
+        """Check the derivative of the discrete map, exact with coarse steps too."""
         arrays, start = mission("delta_iii")
         solver = TwoPointSolver(arrays, TwoPointOptions(step_s=step_s))
         unknowns = solver.solve(start).unknowns * (1.0 + 1e-3 * np.sin(np.arange(7)))
@@ -357,7 +357,7 @@ def test_runge_kutta_nystroem_is_of_order_six():
 
 class TestConvergence:
     def test_thesis_guess(self, ares):
-        """Eq. 3.41: thrust along V0, rates 1e-4, t_PLF 420 s, 330 s of burning after it."""
+        """Start from Eq. 3.41: thrust along V0, rates 1e-4, t_PLF 420 s, 330 s of burn after it."""
         arrays, start = ares
         velocity = start["velocity"][0]
         guess = IndirectGuess(tuple(velocity), (-0.189644,) * 3, 750.0, (420.0,))
@@ -367,7 +367,7 @@ class TestConvergence:
         assert solve_indirect(arrays, start, guess=guess).converged
 
     def test_random_guesses(self, ares):
-        """B within 60 deg of V0, A within 2e-3, times within 30 %: always the one optimum."""
+        """Disperse B by 60 deg from V0, A by 2e-3, times by 30 %: always one optimum."""
         arrays, start = ares
         solver = TwoPointSolver(arrays, TwoPointOptions(step_s=40.0))
         reference = solver.solve(start).unknowns[6]
@@ -400,7 +400,7 @@ class TestConvergence:
 
     @pytest.mark.parametrize(("scale", "least"), [(1.0, 100), (10.0, 100), (30.0, 98)])
     def test_dispersed_starts(self, ares, scale, least):
-        """From nothing but the state, 1 km and 10 m/s per axis times ``scale``."""
+        """Solve from the state alone, with 1 km and 10 m/s per axis times ``scale``."""
         arrays, start = ares
         solver = TwoPointSolver(arrays, TwoPointOptions(step_s=40.0, tolerance=1e-6))
         rng = np.random.default_rng(7)
@@ -426,7 +426,7 @@ class TestConvergence:
 
     @pytest.mark.parametrize("time_s", [250.0, 337.15, 380.0, 416.0, 500.0, 700.0])
     def test_remainder_of_an_optimum_is_optimal(self, ares, time_s):
-        """From a state on the optimum the solver comes to the same end (Bellman)."""
+        """Reach the same end from any state on the optimum (Bellman)."""
         arrays, start = ares
         solver = TwoPointSolver(arrays)
         root = solver.solve(start)
@@ -506,7 +506,7 @@ class TestHeatingLimit:
             assert worth[check.name] == pytest.approx(check.multiplier, rel=1e-6)
 
     def test_drop_held_at_its_earliest_time(self, ares):
-        """A limit a little below what the free flight has there: no choice of time is left."""
+        """Set the limit just below the heating at the earliest drop: its time is fixed."""
         arrays, start = ares
         free = solve_indirect(arrays, start, TwoPointOptions(heating=Heating.IGNORED))
         at = free.trajectory.time_s.searchsorted(337.15)
@@ -527,7 +527,7 @@ class TestHeatingLimit:
         first, second = solution.jettison_times_s
         assert first < second
         assert all(pi < 0.0 for pi in solution.costates.jump_pi)
-        # part of the fairing goes earlier than in the default mission
+        # part of the fairing is dropped earlier than in the default mission
         assert 174183.2 < solution.m_f_kg < 174576.5
 
 
@@ -565,23 +565,23 @@ class TestObstacles:
         assert solution.iterations < 200
 
     def test_only_what_is_off_is_said_to_be(self, ares, monkeypatch):
-        """A root that meets its target, and is none for another reason, does not miss it."""
+        """Report no target error for a root that meets its target but fails otherwise."""
         arrays, start = ares
         solver = TwoPointSolver(arrays, TwoPointOptions(heating=Heating.IGNORED))
         root = solver.solve(start)
         assert root.converged
         unsound = replace(root, status=newton.UNSOUND)
         monkeypatch.setattr(solver, "solve", lambda _start: unsound)
-        cause = _why_not(solver, start, unsound)
+        cause = _failure_cause(solver, start, unsound)
         assert cause.status is Status.NOT_OPTIMAL
-        assert cause.reason.startswith("the root found is no flight: underground")
+        assert cause.reason.startswith("the root found is not a flight: below ground")
         solver.arrays.target["radius"] += 200.0
-        cause = _why_not(solver, start, unsound)
+        cause = _failure_cause(solver, start, unsound)
         assert cause.status is Status.INFEASIBLE
         assert cause.reason == "no flight to the target found: radius_m off by -200, allowed 100"
 
     def test_linear_gravity_is_no_proof(self, ares):
-        """Converged to 1e-9 in its own field; the independent flight refuses it."""
+        """Refuse a root of the linear field by the independent flight."""
         solution = solve_indirect(*ares, TwoPointOptions(gravity="linear"))
         assert not solution.converged
         assert solution.reason.startswith("optimal in the linear field, but")
@@ -630,7 +630,7 @@ class TestObstacles:
 class TestOtherTargets:
     @pytest.mark.parametrize("inclination", [29.0, 35.0, 60.0])
     def test_either_plane_is_tried(self, ares, inclination):
-        """Two planes of one inclination lie either side of the start; the nearer one wins."""
+        """Try both planes of one inclination; the nearer one is better."""
         arrays, start = ares
         arrays.target["inclination"] = math.radians(inclination)
         solution = solve_indirect(arrays, start, TwoPointOptions(heating=Heating.IGNORED))
@@ -651,7 +651,7 @@ class TestOtherTargets:
         assert abs(node.multiplier) < 0.1
 
     def test_equatorial_orbit(self, ares):
-        """Inclination 0: the node has no meaning, the plane is fixed."""
+        """Fix the plane at inclination 0, where the node is undefined."""
         arrays, start = ares
         arrays.target["inclination"] = 0.0
         arrays.jettisons["value"] = 1e6
@@ -693,7 +693,7 @@ class TestTimetable:
         assert len(self.build(*ares, 300.0)) == 0
 
     def test_impulse_of_curves(self):
-        """Area under ramps and tails: what the mass loses is what the curves say."""
+        """Compare the loss of mass with the area under ramps and tail-offs."""
         arrays, start = mission("saturn_v_as506")
         segments = self.build(arrays, start, 700.0)
         last_stage = segments[segments["arc"] >= len(arrays.arcs) - 1]

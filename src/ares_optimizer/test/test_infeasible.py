@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions that cannot be flown: a named reason, never a wrong success."""
+"""Test missions that cannot be flown: a named cause, never a wrong success."""
 
 import math
 
@@ -77,7 +77,7 @@ def test_jettison_limit_never_met(ares_v):
 
 
 def test_limit_that_costs_more_propellant_than_there_is(ares_v):
-    # without the limit 127,424 kg do, with it 127,817 kg: the limit is in the way
+    # 127,424 kg suffice without the limit, 127,817 kg are needed with it
     def change(arrays):
         arrays.arcs["propellant"][1] = 127_600.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The analytic jump condition: it converges, and the multipliers agree with it."""
+"""Test the analytic jump condition: convergence, and agreement with the multipliers."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def solutions(ares_v):
 
 
 def at_jettison(solution):
-    """State, costates and thrust accelerations on both sides of the jettison."""
+    """Return state, costates and thrust accelerations on both sides of the jettison."""
     flown, costates = solution.trajectory, solution.costates
     i = int(np.searchsorted(flown.time_s, solution.t_plf_s - 1e-6))
     k = int(np.searchsorted(costates.time_s, solution.t_plf_s - 1e-6))
@@ -93,7 +93,7 @@ def test_hamiltonian_is_constant_per_piece_and_through_the_jettison(solutions):
 
 
 def test_steering_follows_the_recovered_primer(solutions):
-    # lambda_v of the multipliers beside B + A t of the parameters (Eqs. 3.37, 3.38)
+    # lambda_v of the multipliers against B + A t of the parameters (Eqs. 3.37, 3.38)
     solution = solutions["direct20"]
     costates, flown = solution.costates, solution.trajectory
     for time in (156.0, 250.0, 330.0, 390.0, 450.0, 600.0, 760.0):

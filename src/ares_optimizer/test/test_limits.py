@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Room, time and work of the searches: none is overrun, whatever the mission."""
+"""Test the bounds on memory, time and work of the searches, for any mission."""
 
 import math
 
@@ -24,7 +24,7 @@ DIRECT = ("direct11", "direct14", "direct20", "jump")
 
 
 def with_long_coast(seconds):
-    """Apollo's Saturn V, the last coast as long as given."""
+    """Return Apollo's Saturn V with a last coast of given length."""
     mission = load_mission("saturn_v_as506")
     arrays = mission.arrays()
     coasts = np.flatnonzero(arrays.arcs["kind"] == COAST)
@@ -37,7 +37,7 @@ def with_long_coast(seconds):
 )
 @pytest.mark.parametrize("method", METHODS)
 def test_a_coast_of_any_length_is_answered(method, seconds):
-    """A coast of 1e5 s made 222 laws, and room there was for 128 events: a segmentation fault."""
+    """Replay a coast of 1e5 s: 222 laws once overran 128 events."""
     arrays, start = with_long_coast(seconds)
     if seconds > LONGEST_FLIGHT and method in DIRECT:
         with pytest.raises(OptimizerError, match=r"^(the last burn begins|no flight can be laid)"):
@@ -50,7 +50,7 @@ def test_a_coast_of_any_length_is_answered(method, seconds):
 
 
 def test_a_flight_through_the_centre_is_answered():
-    """The proof had no states beyond the centre: an IndexError."""
+    """Replay an IndexError: the proof had no states beyond the centre."""
     mission = load_mission("falcon9_gto")
     state = mission.start().navigation()
     state["velocity"][0] *= 285.7393 / np.linalg.norm(state["velocity"][0])
@@ -70,7 +70,7 @@ def test_an_overlong_flight_has_few_cuts():
 @pytest.mark.parametrize("method", DIRECT)
 @pytest.mark.parametrize("cuts", [0, 300])
 def test_there_is_room_for_every_event_and_step(method, cuts):
-    """Room is as much as the problem can fill, not a number that a longer one overruns."""
+    """Allocate as many events and steps as the problem needs, without a fixed maximum."""
     arrays, start = with_long_coast(4e3)
     now = float(start["time"][0])
     splits = tuple(now + 1.0 + 10.0 * k for k in range(cuts))
@@ -164,7 +164,7 @@ def test_a_search_tells_how_it_goes_on(method):
 
 def test_a_search_ends_when_another_thread_says_so():
     deadline = Deadline(3600.0)
-    deadline.tell = lambda _progress: deadline.end_now()
+    deadline.report = lambda _progress: deadline.end_now()
     solution = solve(load_mission("delta_iii_coast"), "collocation", deadline=deadline)
     assert deadline.passed
     assert not solution.converged

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The greatest payload for a target."""
+"""Test the greatest payload for a target."""
 
 import pytest
 
@@ -16,7 +16,7 @@ def test_the_last_stage_just_runs_dry_with_the_greatest_payload() -> None:
     assert mission.payload_kg is not None and found.payload_kg > mission.payload_kg
     used = next(c for c in found.solution.constraints if c.key is Check.PROPELLANT)
     assert used.value == pytest.approx(used.limit, abs=0.01)
-    # a kilogram more does not arrive
+    # one kilogram more does not reach the target
     more = mission.model_copy(update={"payload_kg": found.payload_kg + 1.0})
     beyond = solve(more, "auto")
     assert beyond.status is Status.INFEASIBLE

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shipped missions with free coasts, beside what is published of them."""
+"""Compare shipped missions with free coasts with published figures."""
 
 import numpy as np
 import pytest
@@ -25,12 +25,12 @@ def test_solved_from_the_mission_alone_and_proven(solved, name):
 
 
 def test_delta_iii_gains_by_a_restart(solved):
-    """The published optimum in one burn is 7,529.712 kg."""
+    """Exceed the published optimum in one burn, 7,529.712 kg."""
     assert solved["delta_iii_coast"].m_f_kg > 7529.712 + 20.0
 
 
 def test_the_coast_ends_about_the_equator(solved):
-    """Apogee over the equator: the second burn goes across it, at the descending node."""
+    """Put the apogee over the equator: the second burn is at the descending node."""
     solution = solved["geostationary_transfer"]
     second = solution.flown[-1]
     track = solution.trajectory
@@ -42,7 +42,7 @@ def test_apollo_11_leaves_for_the_moon(solved):
     """NASA SP-4029 at translunar injection, 10 s after cut-off: 6,711.9 km from the centre,
     10,834.3 m/s, flight-path angle 7.367 deg; ignition at 9,856.2 s, 346.8 s of burning.
 
-    Of the plane's turning by the oblateness, 0.8 deg in two revolutions, this file knows nothing.
+    The file has no J2, which turns the plane by 0.8 deg in two revolutions.
     """
     solution = solved["saturn_v_tli"]
     burn = solution.flown[-1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one call: what it returns, prints and refuses."""
+"""Test the one call: its results, summary and refusals."""
 
 import json
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The independent integration: its own sequence, its physics, and what it catches."""
+"""Test the independent integration: sequence, physics, and the errors that it detects."""
 
 import math
 
@@ -48,7 +48,7 @@ def test_a_flight_to_the_centre_ends_there(ares_v):
     start["velocity"][0] *= 1e-9
     flight = fly(arrays, start[0], along_velocity, [math.nan], 5_000.0)
     assert not flight.whole
-    # it falls freely: pi / sqrt(8) sqrt(r^3 / mu)
+    # free fall takes pi / sqrt(8) sqrt(r^3 / mu)
     radius = float(np.linalg.norm(start["position"][0]))
     falls = math.pi / math.sqrt(8.0) * math.sqrt(radius**3 / 3.986e14)
     assert flight.trajectory.time_s[-1] == pytest.approx(155.9 + falls, abs=1.0)
@@ -78,7 +78,7 @@ def test_thrust_curves_give_their_area():
     plan = plan_flight(arrays, start, 700.0)
     grid = np.linspace(162.3, plan.end, 200_001)
     middle = 0.5 * (grid[1:] + grid[:-1])
-    # no burn here is throttled: the mass plays no part
+    # no burn is throttled here: the mass does not matter
     flow = [
         thrust_and_flow(arrays.arcs, running(plan.engines, t, t), t, math.nan)[1]
         for t in middle[::20]

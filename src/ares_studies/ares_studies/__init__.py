@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many flights and pictures of flights: closed loops in compiled code, without ROS."""
+"""Closed-loop flights in compiled code, campaigns of them, pages and plots. No ROS."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a flight in one compiled loop is made of."""
+"""Define the arrays of a flight in one compiled loop."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,13 @@ from ares_vehicle_sim.arrays import Vehicle, VehicleArrays
 
 
 class LoopArrays(NamedTuple):
-    """A vehicle and its guidance.
+    """Hold a vehicle and its guidance.
 
     Attributes:
         true: the mission as the plant flies it.
-        vehicle: what flies.
+        vehicle: the simulated vehicle.
         believed: the mission as guidance believes it.
-        onboard: what guidance holds; its ``navigation`` is the vehicle's.
+        onboard: the arrays of guidance; its ``navigation`` is the vehicle's.
     """
 
     true: MissionArrays
@@ -25,7 +25,7 @@ class LoopArrays(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """The same as kernels hand it to one another, as records."""
+    """Hold the same as records, for kernels."""
 
     true: MissionRecords
     vehicle: Vehicle
@@ -37,5 +37,5 @@ class Loop(NamedTuple):
 def closed_loop(
     true: MissionArrays, vehicle: VehicleArrays, believed: MissionArrays, onboard: OnboardArrays
 ) -> LoopArrays:
-    """A loop in which guidance sees what the vehicle's navigation reports."""
+    """Combine arrays so that guidance reads the vehicle's navigation."""
     return LoopArrays(true, vehicle, believed, onboard._replace(navigation=vehicle.navigation))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed-loop flights without ROS: the nodes' two steps, called in turn."""
+"""Fly closed loops without ROS, by the same steps as the nodes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +21,7 @@ from ares_vehicle_sim.simulator import Simulator, SimulatorOptions, true_vehicle
 
 @dataclass(frozen=True)
 class Flight:
-    """The end of a flight.
+    """Hold the end of a flight.
 
     Attributes:
         plant: record PLANT with the true final state and the events.
@@ -33,12 +33,12 @@ class Flight:
 
     @property
     def events(self) -> NDArray[np.void]:
-        """What happened, dtype EVENT."""
+        """Return the events, dtype EVENT."""
         return self.plant["events"][: self.plant["event_count"]]
 
 
 def offline_trajectory(solution: Solution) -> OfflineTrajectory:
-    """What a guidance law takes of the optimizer's solution.
+    """Convert the optimizer's solution for a guidance law.
 
     Raises:
         ValueError: the solution has no trajectory.
@@ -78,12 +78,12 @@ def plan_solution(
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
 ) -> Solution:
-    """Solve for what a mission leaves free.
+    """Solve for the free quantities of a mission.
 
     Args:
-        mission: what is flown.
-        law: by which law.
-        state: where the plan begins, shape (1,), dtype NAVIGATION; None: at the mission's start.
+        mission: to be flown.
+        law: guidance law.
+        state: start of the plan, shape (1,), dtype NAVIGATION; None: the mission's start.
         time_limit_s: wall time of the search; None: no limit.
 
     Raises:
@@ -108,11 +108,11 @@ def arc_plan(
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
 ) -> ArcPlan | None:
-    """The optimizer's plan of what a mission leaves free, for a law that needs one; else None.
+    """Solve for the plan of a mission's free arcs; None if the mission has none.
 
-    Args: as of :func:`plan_solution`.
+    Args: see :func:`plan_solution`.
 
-    Raises: as there.
+    Raises: see :func:`plan_solution`.
     """
     arrays = mission.arrays(foreseen=True)
     if not needs_plan(arrays):
@@ -128,21 +128,20 @@ def ready_law(
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
 ) -> Law:
-    """A guidance law before its first navigation state.
+    """Make a guidance law, ready for its first navigation state.
 
     Args:
-        mission: what it flies.
+        mission: to be flown.
         name: one of `ares_guidance.registry.law_names`.
         settings: cycle and gates.
-        guess: where it starts; None: from the navigation state alone, or, a law that cannot, from
-            the analytic solution; with a plan of the mission's free arcs, if it needs one.
-        state: where that solution begins, shape (1,), dtype NAVIGATION; None: at the mission's
-            start.
+        guess: initial solution. None: none, except for a law that needs a trajectory, which gets
+            the analytic solution, and for free arcs, for which a plan is solved.
+        state: start of that solution, shape (1,), dtype NAVIGATION; None: the mission's start.
         time_limit_s: wall time of the search for a plan; None: no limit.
 
     Raises:
-        ValueError: the law cannot fly the mission, the guess is no start, or the law finds no way
-            by the plan.
+        ValueError: the law cannot fly the mission, the guess is unusable, or the law has no
+            solution for the plan.
     """
     law = make_law(name, mission.arrays(foreseen=True), settings)
     if guess is None and law.kind.needs_trajectory:
@@ -170,14 +169,14 @@ def fly_compiled(
     """Fly a mission in one compiled loop.
 
     Args:
-        mission: what is flown.
-        options: how the plant is stepped.
-        dispersions: how the truth differs from the mission file; None: nowhere.
-        seed: master seed of what is drawn.
+        mission: to be flown.
+        options: integration of the plant.
+        dispersions: of the truth; None: none.
+        seed: master seed of the dispersions.
         flight: number of the flight among those of the seed.
-        law: one of `ares_guidance.registry.law_names`, or a law before its flight, as
-            :func:`ready_law` makes it, with settings of its own.
-        failure: what fails; None: nothing does.
+        law: one of `ares_guidance.registry.law_names`, or an unused law made by :func:`ready_law`,
+            with its own settings.
+        failure: injected failure; None: none.
 
     Raises:
         ValueError: the law cannot fly the mission, or dispersions or failure do not fit it.
@@ -203,9 +202,9 @@ def fly_stepwise(
     law: str | Law = "peg",
     failure: Failure | None = None,
 ) -> Flight:
-    """Fly a mission through the objects that the nodes hold.
+    """Fly a mission through the objects that the nodes use.
 
-    Args: as :func:`fly_compiled`.
+    Args: see :func:`fly_compiled`.
     """
     simulator = Simulator(mission, options, dispersions, seed, flight, failure)
     if isinstance(law, str):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words for what happens in a flight."""
+"""Name the events of a flight."""
 
 from collections.abc import Sequence
 
@@ -38,7 +38,7 @@ EVENT_NAMES = {
     JETTISON_STUCK: "jettison stuck",
     OVER_LIMIT: "acceleration over its limit",
 }
-#: Events worth a mark in a picture, and the word beside it.
+#: Events marked in plots, with their labels.
 MARKS = {
     STAGING: "staging",
     JETTISON_DONE: "jettison",
@@ -47,21 +47,21 @@ MARKS = {
     JETTISON_STUCK: "stuck",
     OVER_LIMIT: "over limit",
 }
-#: Events after which there is no flight.
+#: Events that end the flight.
 ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 
 
 def event_name(
     kind: int, index: int, arcs: Sequence[str], stages: Sequence[str], jettisons: Sequence[str]
 ) -> str:
-    """An event in words.
+    """Describe an event.
 
     Args:
         kind: its type.
-        index: of an arc, a stage or a jettison, as the type says.
+        index: of an arc, a stage or a jettison, depending on the type.
         arcs: names of the mission's arcs.
-        stages: of its stages.
-        jettisons: of its jettisons.
+        stages: names of its stages.
+        jettisons: names of its jettisons.
     """
     lists = {
         IGNITION: arcs,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens along a flight, in columns: a closed loop as it is flown, or an optimum.
+"""Tabulate the quantities along a flight, flown in closed loop or optimal.
 
 Angles are in degrees: these columns are for people.
 """
@@ -24,18 +24,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Profile:
-    """Columns of one flight, shape (n,) each.
+    """Hold the columns of one flight, shape (n,) each.
 
     Attributes:
-        time_s: mission elapsed time; an event may stand twice, before and after.
+        time_s: mission elapsed time; may repeat at an event, before and after.
         radius_m: from the Earth's centre.
-        altitude_m: above the ground as the mission defines it (Eq. 2.15).
+        altitude_m: above the ground as defined by the mission (Eq. 2.15).
         speed_m_s: inertial.
         flight_path_angle_deg: of the inertial velocity.
         mass_kg, thrust_n: of the vehicle.
         pitch_deg: thrust above the horizon, in the vertical plane of the velocity (Fig. 4.8).
         heating_w_m2: free molecular heating.
-        inclination_deg, ascending_node_deg: of the plane of flight, node from the inertial x.
+        inclination_deg, ascending_node_deg: of the orbital plane, node from the inertial x axis.
     """
 
     time_s: Array
@@ -52,18 +52,18 @@ class Profile:
 
     @property
     def steering_angle_deg(self) -> Array:
-        """Thrust above the velocity, alpha = theta - gamma (Eq. 5.2)."""
+        """Return the angle from velocity to thrust, alpha = theta - gamma (Eq. 5.2)."""
         return self.pitch_deg - self.flight_path_angle_deg
 
 
 @dataclass(frozen=True)
 class History(Profile):
-    """A closed-loop flight as it was flown.
+    """Hold a flown closed-loop flight.
 
     Attributes:
-        predicted_jettison_s: when guidance expects the next timed jettison; nan: none.
-        predicted_cutoff_s: when it expects to cut off; nan: not known yet.
-        flight: how it ended.
+        predicted_jettison_s: guidance's prediction of the next timed jettison; nan: none.
+        predicted_cutoff_s: guidance's prediction of the cut-off; nan: unknown.
+        flight: its end.
     """
 
     predicted_jettison_s: Array
@@ -72,15 +72,15 @@ class History(Profile):
 
 
 def pitch_deg(position: Array, velocity: Array, direction: Array) -> Array:
-    """Pitch of the thrust: positive from the horizon up, projected into the vertical plane.
+    """Compute the pitch of the thrust: above the horizon, projected into the vertical plane.
 
     Args:
         position: shape (n, 3), m.
-        velocity: shape (n, 3), m/s; with the position it spans the plane.
+        velocity: shape (n, 3), m/s; spans the plane with the position.
         direction: shape (n, 3), unit vectors.
 
     Returns:
-        shape (n,), deg.
+        Shape (n,), deg.
     """
     up = position / np.linalg.norm(position, axis=1, keepdims=True)
     along = velocity - np.sum(velocity * up, axis=1, keepdims=True) * up
@@ -89,7 +89,7 @@ def pitch_deg(position: Array, velocity: Array, direction: Array) -> Array:
 
 
 def _columns(arrays: MissionArrays, position: Array, velocity: Array) -> dict[str, Array]:
-    """Columns that follow from position (n, 3) and velocity (n, 3) alone."""
+    """Compute the columns that follow from position (n, 3) and velocity (n, 3) alone."""
     environment = arrays.environment[0]
     pairs = zip(position.tolist(), velocity.tolist(), strict=True)
     insertion = np.array([insertion_quantities(tuple(r), tuple(v)) for r, v in pairs])
@@ -104,10 +104,10 @@ def _columns(arrays: MissionArrays, position: Array, velocity: Array) -> dict[st
 
 
 def profile_of(mission: Mission, solution: Solution) -> Profile:
-    """The columns of an optimal ascent.
+    """Tabulate an optimal ascent.
 
     Args:
-        mission: what is flown; from its own start.
+        mission: solved, from its own start.
         solution: with a trajectory.
 
     Raises:
@@ -128,15 +128,15 @@ def profile_of(mission: Mission, solution: Solution) -> Profile:
 
 
 def record_flight(mission: Mission, law: Law, options: SimulatorOptions | None = None) -> History:
-    """Fly a mission with perfect navigation through the objects that the nodes hold.
+    """Fly a mission with perfect navigation through the objects that the nodes use.
 
     Args:
-        mission: what is flown.
-        law: fresh, made for this mission.
-        options: how the plant is stepped.
+        mission: to be flown.
+        law: unused, made for this mission.
+        options: integration of the plant.
 
     Returns:
-        a row per navigation state, with the command that answered it, and one for the end.
+        A row per navigation state, with the command that answered it, and one for the end.
     """
     simulator = Simulator(mission, options)
     rows = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole flight in one compiled loop, through the same two steps as the nodes.
+"""Fly a whole flight in one compiled loop, by the same two steps as the nodes.
 
 `guarded_step` is PEG's; see `ares_studies.loops` for the other laws.
 """
@@ -16,7 +16,7 @@ from ares_vehicle_sim.kernels.plant import accept_command, flight_step
 
 @inlined
 def loop_records(loop: LoopArrays) -> Loop:
-    """Records of a loop."""
+    """Convert a loop to records."""
     return Loop(
         mission_records(loop.true),
         vehicle_records(loop.vehicle),
@@ -28,7 +28,7 @@ def loop_records(loop: LoopArrays) -> Loop:
 
 @kernel
 def run(loop: Loop) -> None:
-    """Fly from a begun plant and its first navigation state to the end of the flight.
+    """Fly from an initialized plant and its first navigation state to the end of the flight.
 
     The clock counts whole navigation periods in nanoseconds, as the simulator node does.
     """
@@ -46,5 +46,5 @@ def run(loop: Loop) -> None:
 
 @kernel
 def fly(loop: LoopArrays) -> None:
-    """Fly as :func:`run`, called from Python."""
+    """Fly as :func:`run`; entry point from Python."""
     run(loop_records(loop))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled loops over flights, by law: a copy of each for each law that is flown."""
+"""Make the compiled flight loops: a specialized copy for each law flown."""
 
 from collections.abc import Callable
 from functools import cache
@@ -16,14 +16,14 @@ def _flight(kind: LawKind) -> ModuleType:
 
 @cache
 def flight_loop(kind: LawKind) -> Callable[..., None]:
-    """`ares_studies.kernels.fly` by a law."""
+    """Return `ares_studies.kernels.fly` for a law."""
     loop: Callable[..., None] = _flight(kind).fly
     return loop
 
 
 @cache
 def campaign_loop(kind: LawKind) -> Callable[..., None]:
-    """`ares_studies.montecarlo.kernels.fly_many` by a law."""
+    """Return `ares_studies.montecarlo.kernels.fly_many` for a law."""
     loop: Callable[..., None] = specialised(
         "ares_studies.montecarlo.kernels", f"of_{kind.name}", run=_flight(kind).run
     ).fly_many

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a flight, drawn from the columns of its bag."""
+"""Plot a flight from the columns of its bag."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,13 +28,13 @@ def draw_flight(
     heating_limit_w_m2: float | None = None,
     target: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Six panels of one flight against mission elapsed time.
+    """Plot one flight in six panels against mission elapsed time.
 
     Args:
-        title: written above the picture.
+        title: above the plot.
         truth: columns of VehicleState, `time` in s; vectors have shape (n, 3).
         status: columns of GuidanceStatus, `time` in s.
-        marks: instants to mark: mission elapsed time in s, and a word.
+        marks: instants to mark: mission elapsed time in s, and a label.
         heating_limit_w_m2: drawn in the heating panel.
         target: values to draw as dashed lines: speed_m_s, flight_path_angle_deg.
     """
@@ -50,14 +50,14 @@ def draw_flight(
     _level(axes[0, 1], target.get("speed_m_s"), "target")
     _line(axes[1, 0], t, np.degrees(truth["flight_path_angle"]), "flight-path angle, deg")
     _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
-    # the first sample stands before the first command
+    # the first sample precedes the first command
     pitch, _ = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
     _line(axes[1, 1], t[1:], pitch[1:], "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     if np.any(truth["heating_rate"] > 0.0):
         axes[2, 0].set_yscale("log")
     _level(axes[2, 0], heating_limit_w_m2, "limit")
-    # guidance may have left no word in what is intact of a bag
+    # a damaged bag may have no guidance status
     predicted = status.get("cutoff_time", status["time"])
     _line(axes[2, 1], status["time"], predicted, "predicted cut-off, s", step=True)
     axes[2, 1].ticklabel_format(axis="y", useOffset=False)

@@ -3,7 +3,7 @@
 
     python -m ares_studies.warm_up [LAW]
 
-With a law: what one flight by it calls, and nothing else. Without: every kernel.
+With a law: only the kernels of one flight by it. Without: every kernel.
 """
 
 import multiprocessing
@@ -17,12 +17,12 @@ from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.flight_page.geometry import impact_time
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 
 def fly_once(name: str) -> None:
-    """The default mission as the nodes fly it; law peg before the laws are registered."""
+    """Fly the default mission as the nodes do; law peg without the registry."""
     mission = load_mission("ares_v")
     warnings(mission)
     law = Law(mission.arrays(foreseen=True)) if name == PEG.name else name
@@ -30,37 +30,37 @@ def fly_once(name: str) -> None:
 
 
 def compile_laws(*names: str) -> None:
-    """Fly the default mission by each of some laws in every way."""
+    """Fly the default mission by each law: stepwise, compiled and in a campaign."""
     mission = load_mission("ares_v")
     for name in names:
         fly_once(name)
         fly_compiled(mission, law=name)
         if not find_law(name).needs_trajectory:
-            Range(Settings(mission, Dispersions(), law=name)).fly(0, 1)
+            FlightRange(Settings(mission, Dispersions(), law=name)).fly(0, 1)
 
 
 def compile_solvers() -> None:
     """Solve analytically, and by the direct methods."""
     from ares_optimizer.solve import solve  # a flight does without
 
-    # first: law `peg_thesis` takes its kernels from the cache when its turn comes
+    # first, since law `peg_thesis` later loads its kernels from the cache
     solve(load_mission("ares_v"), "analytic")
     solve(load_mission("ares_v"), "direct11")
     solve(load_mission("ares_v"), "jump")
 
 
 def compile_pages() -> None:
-    """What the page on a recorded flight calls."""
+    """Call the kernels of a recorded flight's page."""
     mission = load_mission("ares_v")
     start = mission.start()
     impact_time(start.position, start.velocity, mission.environment_array()[0])
 
 
 def compile_flights() -> None:
-    """Solve by the indirect methods, whose kernels law `optimal` takes, and fly every law."""
+    """Solve by the indirect methods, whose kernels law `optimal` uses, and fly every law."""
     from ares_optimizer.solve import solve
 
-    # what they are set beside is compiled with the direct ones
+    # without verification, whose kernels are compiled with the direct methods
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "collocation")
     solve(load_mission("ares_v"), "closed_form", verify=False)
@@ -69,7 +69,7 @@ def compile_flights() -> None:
 
 
 def run(*parts: Callable[[], None]) -> int:
-    """Call each in a process of its own: a core each, if there is one; exit status."""
+    """Call each part in a process of its own, in parallel; return the exit status."""
     processes = [multiprocessing.Process(target=part) for part in parts]
     for process in processes:
         process.start()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The abort map: ends, their optima, and a coarse map of two missions."""
+"""The abort map: ends, optima, and a coarse map of two missions."""
 
 import dataclasses
 import json

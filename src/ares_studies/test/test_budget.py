@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The delta-V budget against integrals by another integrator and the rocket equation."""
+"""The delta-V budget compared with another integrator and the rocket equation."""
 
 import dataclasses
 import math
@@ -29,7 +29,7 @@ def solved(name):
 
 
 def integrated(mission, solution):
-    """Ideal, gravity and steering of an optimum, m/s, by DOP853, with the proof's gravity."""
+    """Integrate ideal, gravity and steering losses, m/s, by DOP853, with the proof's gravity."""
     arrays = mission.arrays()
     environment = arrays.environment[0]
     edges = sorted(

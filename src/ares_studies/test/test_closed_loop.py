@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whole flights without ROS: accuracy, robustness, and the two ways to fly agree."""
+"""Whole flights without ROS: accuracy, robustness, and agreement of both ways to fly."""
 
 import math
 

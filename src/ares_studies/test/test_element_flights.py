@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whole flights to targets by elements: what is named is met, what is free is left to the law."""
+"""Whole flights to targets by elements: fixed elements are met, free ones are left to the law."""
 
 import math
 from pathlib import Path
@@ -88,7 +88,7 @@ def test_what_is_named_is_met(law, name):
 @pytest.mark.parametrize(("law", "loss"), [("peg", 4e-3), ("optimal", 1e-6)])
 @pytest.mark.parametrize("inclination", [65.0, 100.0])
 def test_a_slow_start_turns_into_another_plane(law, loss, inclination):
-    """By 35 and by 70 deg, which the speed of a first stage makes cheap; igm loses 4 %."""
+    """Turn by 35 and by 70 deg, cheap at the speed of a first stage; igm loses 4 %."""
     data = load_mission(LAUNCHERS / "f9_iss.yaml").model_dump(exclude_unset=True)
     data["initial_state"] |= {"azimuth_deg": 90.0, "latitude_deg": 30.0}
     data["target"]["inclination_deg"] = inclination
@@ -112,7 +112,7 @@ def test_large_turns_are_flown_to_the_same_targets(name):
 
 
 def planned_end(mission):
-    """The orbit at the end of the optimum."""
+    """Return the orbit at the end of the optimum."""
     track = solve(mission, "indirect").trajectory
     mu = mission.environment.mu_m3_s2
     return Elements.from_state(track.position[-1], track.velocity[-1], mu)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One of five core engines lost at any time: guidance plans anew with the longer burn."""
+"""Loss of one of five core engines at any time: guidance replans with the longer burn."""
 
 import math
 

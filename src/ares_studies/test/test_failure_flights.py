@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What fails on the way is found on board, and what is left flies to the best end within reach."""
+"""Failures in flight: detected on board, and flown to the best end within reach."""
 
 import math
 
@@ -179,7 +179,7 @@ SAFE_M = 140_000.0
 
 
 def with_safe_orbit(mission):
-    """The mission with a section `abort`."""
+    """Add a section `abort` to a mission."""
     return mission.model_copy(update={"abort": AbortPart(safe_perigee_altitude_m=SAFE_M)})
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded flight as series, places and charts: no bag, no browser."""
+"""A recorded flight as series, positions and charts: no bag, no browser."""
 
 import dataclasses
 import json
@@ -33,7 +33,7 @@ DEGREE = math.pi / 180.0
 
 
 def columns(count=4000, *, end=700.0):
-    """A made-up climb of two arcs and a jettison."""
+    """Make a synthetic climb of two arcs and a jettison."""
     time = np.linspace(0.0, end, count)
     angle = 1e-3 * time
     radius = EARTH.equatorial_radius + 200.0 * time
@@ -148,7 +148,7 @@ def test_the_ground_range_is_the_way():
 
 
 def fall(position, velocity, step=0.05):
-    """Time to the ground, s, and the place, by Runge and Kutta; the last step cut by its chord."""
+    """Integrate the fall by Runge-Kutta; return time to impact, s, and place."""
 
     def rate(state):
         return np.concatenate((state[3:], gravity(tuple(state[:3].tolist()), ENVIRONMENT)))

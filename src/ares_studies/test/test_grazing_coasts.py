@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coasts that touch their floor after burns of fixed length: flown as planned, and no lower."""
+"""Coasts that touch their lower altitude bound after burns of fixed length: flown as planned."""
 
 import math
 from functools import cache
@@ -31,7 +31,7 @@ FLOORS = {
 
 @cache
 def dipping(floor):
-    """A vehicle whose lower stages are all but enough: the best coast dips. In no air."""
+    """Make a vehicle without air whose lower stages nearly suffice: its best coast dips."""
     return Mission.model_validate(
         {
             "name": "dipping",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last seconds: the cut-off that was predicted is the one that is flown."""
+"""The last seconds: the predicted cut-off is the one flown."""
 
 import math
 
@@ -83,7 +83,7 @@ def test_a_cut_off_in_a_climb_is_flown_as_predicted(ariane):
 
 
 def flown_to_hold(mission):
-    """A law and the simulator that it flies, in the last seconds of the flight."""
+    """Fly to the last seconds; return law and simulator."""
     simulator = Simulator(mission, CAMPAIGN)
     law = make_law("peg", mission.arrays(foreseen=True))
     while law.state["phase"] < PHASE_HOLD:
@@ -94,7 +94,7 @@ def flown_to_hold(mission):
 
 
 def test_a_cut_off_that_is_past_is_commanded_as_one_that_the_vehicle_takes():
-    """Navigation finds the speed of the target exceeded long ago: the engine is cut off at once."""
+    """Report a speed far above the target's: the engine is cut off at once."""
     law, simulator = flown_to_hold(load_mission("ares_v"))
     # the state between does not reach it
     before = float(simulator.navigation["time"])
@@ -111,7 +111,7 @@ def test_a_cut_off_that_is_past_is_commanded_as_one_that_the_vehicle_takes():
 
 
 def test_a_refinement_that_finds_no_cut_off_leaves_the_one_that_was_predicted():
-    """The thrust that is left does not bring the speed any more: what was held is flown."""
+    """Report a speed out of reach of the thrust: the cut-off held before is flown."""
     law, simulator = flown_to_hold(load_mission("ares_v"))
     predicted = float(law.steering["cutoff_time"][0])
     state = simulator.navigation.copy()

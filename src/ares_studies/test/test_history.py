@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of flights: what is recorded is what was flown."""
+"""Columns of flights: they record the flown values."""
 
 import numpy as np
 import pytest

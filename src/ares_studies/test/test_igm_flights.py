@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whole flights under the iterative guidance mode: accuracy, robustness, and what it costs."""
+"""Whole flights under the iterative guidance mode: accuracy, robustness, cost."""
 
 import math
 from importlib import resources
@@ -32,7 +32,7 @@ def as506():
 
 @pytest.fixture
 def changed(tmp_path):
-    """A shipped mission with something in its file changed."""
+    """Return a function that loads a shipped mission with a changed file."""
 
     def load(name, change):
         shipped = resources.files("ares_models").joinpath("missions", f"{name}.yaml")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where no orbit is in reach, the impact point is kept out of named areas; or it is said."""
+"""Suborbital ends: the impact point is kept out of named areas, or the failure is reported."""
 
 import math
 from functools import cache
@@ -29,7 +29,7 @@ from ares_vehicle_sim.simulator import CAMPAIGN, Simulator
 
 @cache
 def with_areas(name, *areas):
-    """A shipped mission with other areas: of (latitude deg, longitude deg, radius m) each."""
+    """Load a shipped mission with other areas: (latitude deg, longitude deg, radius m) each."""
     data = load_mission(name).model_dump(exclude_unset=True)
     data["abort"]["avoid"] = [
         {
@@ -44,7 +44,7 @@ def with_areas(name, *areas):
 
 
 def fly(mission, failure, seed=None, law="peg"):
-    """A flight, and where it falls."""
+    """Fly; return the flight and its impact point."""
     dispersions = Dispersions() if seed is None else load_dispersions("standard")
     flight = fly_compiled(mission, CAMPAIGN, dispersions, seed or 0, law=law, failure=failure)
     return flight, fallen(mission, flight.plant)
@@ -112,7 +112,7 @@ def test_an_area_beside_another_is_not_fallen_into_instead():
 
 @pytest.mark.parametrize("seed", [None, 3])
 def test_what_thrust_cannot_pass_is_not_entered(seed):
-    """A wall across the way: the engines are cut off before it, or the thrust is turned back."""
+    """Put a wall across the track: the engines are cut off before it, or the thrust is reversed."""
     name, failure = "saturn_v_as506", shut_down(240.0)
     _, unsteered = fly(with_areas(name), failure, seed)
     # a circle that ends 800 km short of where it would fall, too wide to go round
@@ -143,7 +143,7 @@ def test_at_no_time_with_thrust_is_the_impact_point_inside():
 
 
 def test_what_cannot_be_avoided_is_said():
-    """The impact point is inside when it fails, and what is left does not carry it out."""
+    """Fail inside an area that the remaining thrust cannot leave."""
     name, failure = "ares_v", low(600.0, 0.1)
     _, unsteered = fly(with_areas(name), failure)
     mission = with_areas(name, (unsteered.latitude_deg, unsteered.longitude_deg, 3000e3))

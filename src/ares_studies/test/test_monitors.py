@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors: each rule, and that no dispersed flight breaks one."""
+"""Monitors: each rule, and no violation in dispersed flights."""
 
 import math
 from functools import cache
@@ -19,7 +19,7 @@ from ares_guidance.arrays import (
 from ares_guidance.kernels.monitors import most_iterations, watch_answer
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import ready_law
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 from ares_vehicle_sim.simulator import Simulator
 
@@ -31,7 +31,7 @@ def ares_v():
 
 @cache
 def on_board_at(time):
-    """What is on board when all states of a nominal flight up to a time have been answered."""
+    """Return the onboard arrays after all states of a nominal flight up to a time."""
     mission = load_mission("ares_v")
     simulator = Simulator(mission)
     law = ready_law(mission)
@@ -45,7 +45,7 @@ def on_board_at(time):
 
 
 def guided_to(mission, time):
-    """A law that has answered all states of a nominal flight of ares_v up to a time."""
+    """Make a law that has answered all states of a nominal flight of ares_v up to a time."""
     law = ready_law(mission)
     for array, there in zip(law.onboard, on_board_at(time), strict=True):
         array[:] = there
@@ -144,7 +144,7 @@ def test_a_line_that_turns_too_fast_in_its_turn_is_frozen(ares_v):
 )
 def test_no_standard_flight_sets_off_gate_or_monitor(mission, law, flights):
     settings = Settings(load_mission(mission), load_dispersions(STANDARD), law=law)
-    results = Range(settings).fly(0, flights).results
+    results = FlightRange(settings).fly(0, flights).results
     assert np.all(results["iterations"] > 0)
     assert np.all(results["navigation_refused"] == 0)
     assert np.all(results["violations"] == 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns: flights by number, their judgement, the folder, who flies, what is said."""
+"""Campaigns: flights by number, judgement, folder, engines, output."""
 
 import json
 import math
@@ -25,7 +25,7 @@ from ares_models.mission_target import target_record
 from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo import engines
-from ares_studies.montecarlo.campaign import Plan, fly_campaign, missing
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign, missing
 from ares_studies.montecarlo.engines import (
     EngineError,
     fly_chunk,
@@ -33,7 +33,7 @@ from ares_studies.montecarlo.engines import (
     fly_on_cluster,
     fly_on_cores,
 )
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import reaches
 from ares_studies.montecarlo.report import drawn_name, make_report, perigee_apogee, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
@@ -56,8 +56,8 @@ def standard(ares_v):
 
 @pytest.fixture(scope="module")
 def hundred(standard):
-    """A campaign of 100 flights, flown in this thread."""
-    flyer = Range(standard)
+    """Fly a campaign of 100 flights in this thread."""
+    flyer = FlightRange(standard)
     return make_table(flyer.fly(0, 100), flyer.columns, standard.mission.jettison_names)
 
 
@@ -71,7 +71,7 @@ def fly(plan, folder, engine=fly_here, watch=lambda _: None):
 
 
 def test_a_flight_is_that_of_the_nodes_two_steps(standard, ares_v):
-    results = Range(standard).fly(3, 2).results
+    results = FlightRange(standard).fly(3, 2).results
     for k, flight in enumerate((3, 4)):
         alone = fly_compiled(
             ares_v, options=CAMPAIGN, dispersions=standard.dispersions, flight=flight
@@ -82,18 +82,18 @@ def test_a_flight_is_that_of_the_nodes_two_steps(standard, ares_v):
 
 
 def test_a_flight_does_not_depend_on_those_before_it(standard):
-    many = Range(standard).fly(0, 20)
-    alone = Range(standard).fly(13, 1)
+    many = FlightRange(standard).fly(0, 20)
+    alone = FlightRange(standard).fly(13, 1)
     assert many.results[13].tobytes() == alone.results[0].tobytes()
 
 
 @pytest.mark.parametrize("name", ["ares_v", "saturn_v_as506", "delta_iii"])
 def test_campaigns_step_finely_enough(name):
-    """Steps of 1 s against steps of 0.05 s, under the widest dispersions."""
+    """Compare steps of 1 s with steps of 0.05 s, under the widest dispersions."""
     dispersions = load_dispersions("wide_start" if name == "ares_v" else "standard")
     settings = Settings(load_mission(name), dispersions)
     fine = Settings(settings.mission, dispersions, options=SimulatorOptions(1.0, 0.05))
-    one, two = (Range(given).fly(0, 20).results for given in (settings, fine))
+    one, two = (FlightRange(given).fly(0, 20).results for given in (settings, fine))
     assert one["mass"] == pytest.approx(two["mass"], abs=2e-5)
     assert one["end_time"] == pytest.approx(two["end_time"], abs=1e-7)
     assert one["jettison_time"] == pytest.approx(two["jettison_time"], abs=1e-6, nan_ok=True)
@@ -134,7 +134,7 @@ def test_a_campaign_to_elements_is_judged_and_told():
 
 
 def only_flight(mission, **given):
-    flyer = Range(Settings(mission, Dispersions(**given)))
+    flyer = FlightRange(Settings(mission, Dispersions(**given)))
     return make_table(flyer.fly(0, 1), flyer.columns, mission.jettison_names).to_pylist()[0]
 
 
@@ -188,7 +188,7 @@ def test_depletion_has_its_reason(ares_v):
 
 
 def test_an_exception_is_one_flights_own(standard, monkeypatch):
-    flyer = Range(standard)
+    flyer = FlightRange(standard)
     real = flyer._fly_many
 
     def fail_at_seven(variations, *rest):
@@ -226,7 +226,9 @@ def test_chunks_fill_what_is_missing():
 
 def test_a_campaign_is_one_file_of_all_flights_in_order(standard, hundred, tmp_path):
     seen = []
-    count, table = fly(Plan(standard, 100), tmp_path / "c", watch=lambda t: seen.append(t.num_rows))
+    count, table = fly(
+        CampaignPlan(standard, 100), tmp_path / "c", watch=lambda t: seen.append(t.num_rows)
+    )
     assert count == 100
     assert table.equals(hundred)
     assert sum(seen) == 100
@@ -247,29 +249,29 @@ def test_an_interrupted_campaign_goes_on(standard, hundred, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fly(Plan(standard, 100), tmp_path, watch=interrupt)
+        fly(CampaignPlan(standard, 100), tmp_path, watch=interrupt)
     (tmp_path / "parts" / "half.partial").write_bytes(b"killed here")
     again = []
-    _, table = fly(Plan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
+    _, table = fly(CampaignPlan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
     assert sum(flown) + sum(again) == 100
     assert table.equals(hundred)
 
 
 def test_a_finished_campaign_can_grow(standard, hundred, tmp_path):
-    fly(Plan(standard, 30), tmp_path)
+    fly(CampaignPlan(standard, 30), tmp_path)
     again = []
-    _, table = fly(Plan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
+    _, table = fly(CampaignPlan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
     assert sum(again) == 70
     assert table.equals(hundred)
-    for plan in (Plan(standard, 50), Plan(standard, 50, success_width=1e-9)):
+    for plan in (CampaignPlan(standard, 50), CampaignPlan(standard, 50, success_width=1e-9)):
         with pytest.raises(StoreError, match="holds 100 flights, more than 50"):
             fly(plan, tmp_path)
         assert pq.read_table(tmp_path / "flights.parquet").equals(hundred)
-    assert fly(Plan(standard, 100), tmp_path)[1].equals(hundred)
+    assert fly(CampaignPlan(standard, 100), tmp_path)[1].equals(hundred)
 
 
 def test_another_campaign_is_refused(standard, tmp_path):
-    fly(Plan(standard, 25), tmp_path)
+    fly(CampaignPlan(standard, 25), tmp_path)
     others = {
         "seed was 0, now 1": Settings(standard.mission, standard.dispersions, seed=1),
         'guidance was "peg", now "optimal"': Settings(
@@ -308,7 +310,7 @@ def test_folders_that_cannot_hold_a_campaign(standard, tmp_path):
 
 
 def test_the_folder_says_what_was_flown(standard, tmp_path):
-    fly(Plan(standard, 25), tmp_path)
+    fly(CampaignPlan(standard, 25), tmp_path)
     said = json.loads((tmp_path / "campaign.json").read_text())
     assert said["guidance"] == "peg"
     assert said["mission"]["name"] == "ares_v"
@@ -320,7 +322,7 @@ def test_the_folder_says_what_was_flown(standard, tmp_path):
 
 
 def test_threads_fly_the_same_bit_for_bit(standard, hundred, tmp_path):
-    _, table = fly(Plan(standard, 100), tmp_path, partial(fly_on_cores, count=3))
+    _, table = fly(CampaignPlan(standard, 100), tmp_path, partial(fly_on_cores, count=3))
     assert table.equals(hundred)
 
 
@@ -335,7 +337,7 @@ def start(arguments, **environment):
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """Address of a scheduler with two workers, and the workers."""
+    """Start a scheduler with two workers; return its address and the workers."""
     from distributed import Client
 
     folder = tmp_path_factory.mktemp("dask")
@@ -369,7 +371,7 @@ def cluster(tmp_path_factory):
 
 
 def address_in(file):
-    """The scheduler's address; empty as long as the file is not there or not whole."""
+    """Return the scheduler's address; "" until its file is complete."""
     try:
         return json.loads(file.read_text())["address"]
     except (FileNotFoundError, json.JSONDecodeError):
@@ -381,7 +383,7 @@ def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
 ):
     address, workers = cluster
     engine = partial(fly_on_cluster, address=address)
-    _, table = fly(Plan(standard, 100), tmp_path / "both", engine)
+    _, table = fly(CampaignPlan(standard, 100), tmp_path / "both", engine)
     assert table.equals(hundred)
 
     def kill_one(_):
@@ -389,7 +391,7 @@ def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
             workers[0].send_signal(signal.SIGKILL)
             workers[0].wait()
 
-    _, table = fly(Plan(standard, 100), tmp_path / "one", engine, watch=kill_one)
+    _, table = fly(CampaignPlan(standard, 100), tmp_path / "one", engine, watch=kill_one)
     assert workers[0].poll() is not None
     assert table.equals(hundred)
 
@@ -408,7 +410,7 @@ def test_no_scheduler_is_one_line(standard, tmp_path, monkeypatch):
         held.bind(("127.0.0.1", 0))
         engine = partial(fly_on_cluster, address=f"tcp://127.0.0.1:{held.getsockname()[1]}")
         with pytest.raises(EngineError, match="no Dask scheduler at") as caught:
-            fly(Plan(standard, 25), tmp_path, engine)
+            fly(CampaignPlan(standard, 25), tmp_path, engine)
     assert "\n" not in str(caught.value)
 
 
@@ -420,7 +422,7 @@ def test_a_chunk_names_what_it_needs_by_pickle(standard, hundred):
 
 
 def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
-    plan = Plan(standard, 2000, success_width=0.08)
+    plan = CampaignPlan(standard, 2000, success_width=0.08)
     counts = set()
     for name, engine in (("here", fly_here), ("cores", partial(fly_on_cores, count=3))):
         count, table = fly(plan, tmp_path / name, engine)
@@ -437,7 +439,7 @@ def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
 
 
 def test_a_campaign_stops_on_its_mass(standard, tmp_path):
-    count, table = fly(Plan(standard, 2000, mass_width_kg=1500.0), tmp_path)
+    count, table = fly(CampaignPlan(standard, 2000, mass_width_kg=1500.0), tmp_path)
     tally = Tally()
     tally.add(table)
     low, high = tally.mass_intervals()[0]
@@ -474,7 +476,7 @@ def test_intervals_are_those_of_the_textbook(hundred):
 
 
 def test_blocks_resample_as_well_as_flights():
-    """Many more flights than blocks: the interval of the mean keeps its width."""
+    """Add many more flights than blocks: the interval of the mean keeps its width."""
     rng = np.random.default_rng(1)
     mass = rng.normal(170e3, 2e3, 20_000)
     flags = np.ones(mass.size, bool)
@@ -511,7 +513,7 @@ def mass_of(rows):
 
 
 def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
-    """It stands at the edge, in a colour of its own, and the page says so."""
+    """Check that an outlier is at the edge, in its own colour, with a note."""
     mass = hundred["m_f_kg"].to_numpy().copy()
     good = hundred["succeeded"].to_numpy().copy()
     mass[7], good[7] = 0.2 * mass[7], False
@@ -533,7 +535,7 @@ def test_a_single_failure_is_marked_in_every_histogram(standard, tmp_path):
         standard.mission,
         Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 1.5}),
     )
-    _, table = fly(Plan(weak, 60), tmp_path, partial(fly_on_cores, count=2))
+    _, table = fly(CampaignPlan(weak, 60), tmp_path, partial(fly_on_cores, count=2))
     rows = table.to_pylist()
     first = next(row["flight"] for row in rows if not row["succeeded"])
     kept = [row["flight"] for row in rows if row["succeeded"] or row["flight"] == first]
@@ -594,7 +596,7 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
         standard.mission,
         Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 2.5}),
     )
-    _, table = fly(Plan(weak, 1000), tmp_path, partial(fly_on_cores, count=2))
+    _, table = fly(CampaignPlan(weak, 1000), tmp_path, partial(fly_on_cores, count=2))
     summary = summarize(tmp_path / "flights.parquet", 127_880.0)
     failed = [row for row in table.to_pylist() if not row["succeeded"]]
     assert failed
@@ -625,9 +627,11 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
 
 
 def test_a_way_over_the_earth_is_that_of_the_flight(standard):
-    """It ends when and where the campaign's flight does."""
+    """Check that a track ends at the time and place of the campaign's flight."""
     globe = make_ways(standard, [3], {5: "why"})
-    table = make_table(Range(standard).fly(0, 6), Range(standard).columns, ("payload fairing",))
+    table = make_table(
+        FlightRange(standard).fly(0, 6), FlightRange(standard).columns, ("payload fairing",)
+    )
     names = [flight.name for flight in globe.flights]
     assert names == ["the nominal flight", "flight 3", "flight 5: why"]
     for k, flight in zip((3, 5), globe.flights[1:], strict=True):
@@ -663,7 +667,7 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     settings = Settings(
         standard.mission, Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 2.0})
     )
-    _, table = fly(Plan(settings, 200), tmp_path)
+    _, table = fly(CampaignPlan(settings, 200), tmp_path)
     summary = summarize(tmp_path / "flights.parquet", 127_880.0)
     facts = {"flights": "200", "guidance": "peg", "file": "flights.parquet"}
     failures = summary.worst["failures"]

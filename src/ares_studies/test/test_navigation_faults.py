@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Navigation that is wrong for a while, in closed loop: refused, the solution held, inserted."""
+"""Navigation that is temporarily wrong, in closed loop: refused, the solution held, insertion."""
 
 import math
 from functools import cache
@@ -76,7 +76,7 @@ def ares_v():
 
 @cache
 def until(law, begin):
-    """Vehicle, what is on board, and how many states, when a flight of ares_v comes to a time."""
+    """Fly ares_v to a time; return simulator and law."""
     mission = load_mission("ares_v")
     simulator = Simulator(mission)
     guide = ready_law(mission, law)
@@ -166,7 +166,7 @@ def test_a_jettison_that_is_undone_is_refused(ares_v, begin):
 
 
 def frozen(*names):
-    """The first state that it sees, or those fields of it, for ever after; time goes on."""
+    """Return a fault that repeats the first state, or some of its fields; time advances."""
     seen = []
 
     def freeze(nav):
@@ -213,7 +213,7 @@ def test_a_part_that_stands_still_is_told_within_seconds(ares_v, name, begin):
 
 
 def drifting(name, rate, begin):
-    """A field that drifts off from a time on."""
+    """Return a fault by which a field drifts from a time on."""
 
     def drift(nav):
         nav[name] += rate * (float(nav["time"]) - begin)
@@ -271,7 +271,7 @@ def test_a_fault_until_after_the_cut_off_ends_where_the_last_solution_does(ares_
 
 @cache
 def planned(name):
-    """A mission with free arcs, its plan, and how it is flown without faults."""
+    """Return a mission with free arcs, its plan, and its flight without faults."""
     mission = load_mission(name)
     first = np.array([Simulator(mission).navigation])
     plan = arc_plan(mission, find_law("peg"), first)
@@ -298,7 +298,7 @@ def test_faults_in_free_coasts_and_at_their_ends(mission, share):
 @pytest.mark.parametrize("law", ["peg", "igm"])
 @pytest.mark.parametrize("time", [170.0, 250.0, 334.0, 345.0, 430.0, 440.0, 600.0, 735.0])
 def test_a_guidance_that_starts_in_mid_flight_arrives(ares_v, law, time):
-    """Killed, and back after 5 s with nothing but navigation."""
+    """Stop guidance and restart it after 5 s with navigation only."""
     simulator = Simulator(ares_v)
     guide = ready_law(ares_v, law)
     while not simulator.complete:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optimal guidance, closed loop: it flies the optimum, and PEG when there is none."""
+"""Optimal guidance, closed loop: it flies the optimum, or PEG without one."""
 
 import math
 
@@ -22,12 +22,12 @@ def ares_v():
 
 
 def jettison(flight):
-    """The last jettison of a flight."""
+    """Return the last jettison of a flight."""
     return flight.events[flight.events["type"] == JETTISON_DONE][-1]
 
 
 def assert_inserted(mission, flight):
-    """Radius 10 m, speed 0.05 m/s, flight-path angle 1e-3 deg, inclination 1e-3 deg."""
+    """Assert 10 m of radius, 0.05 m/s of speed, 1e-3 deg of flight-path angle and inclination."""
     flown = Insertion.from_state(flight.plant["position"], flight.plant["velocity"])
     target = mission.arrays().target[0]
     assert flight.plant["inserted"] == 1

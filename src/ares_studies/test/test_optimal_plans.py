@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Law `optimal` on missions with free arcs: the optimum, flown, and around it."""
+"""Law `optimal` on missions with free arcs: the optimum is flown, also from disturbed states."""
 
 from functools import cache
 from pathlib import Path
@@ -12,7 +12,7 @@ from ares_guidance.laws import make_law
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, offline_trajectory
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
 from ares_vehicle_sim.dispersions import load_dispersions
 
@@ -45,13 +45,13 @@ MISSIONS = (
 
 @cache
 def solved(name):
-    """A mission and its optimum, which no flight changes."""
+    """Return a mission and its optimum, which no flight changes."""
     flight = mission(name)
     return flight, solve(flight, "indirect")
 
 
 def flown_by(law, name):
-    """A mission, its optimum, and the flight by a law that starts from it."""
+    """Return a mission, its optimum, and a flight by a law started from it."""
     flight, optimum = solved(name)
     ready = make_law(law, flight.arrays(foreseen=True))
     ready.start_from(offline_trajectory(optimum))
@@ -91,6 +91,6 @@ def test_dispersed_flights_with_oblateness_arrive(law, name, tmp_path):
     lower = [(f"{which}_radius_m: 6370000.0",) * 2 for which in ("equatorial", "polar")]
     lower = [(old, new.replace("6370000", "6200000")) for old, new in lower]
     flight = mission(name, tmp_path, OBLATE, *lower)
-    flown = Range(Settings(flight, load_dispersions("standard"), seed=3, law=law)).fly(0, 40)
+    flown = FlightRange(Settings(flight, load_dispersions("standard"), seed=3, law=law)).fly(0, 40)
     assert not flown.errors
     assert flown.results["terminal_accuracy"].all()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Engines that are not those of the mission: guidance measures them and plans with them."""
+"""Engines other than the mission's: guidance measures them and plans with them."""
 
 import math
 
@@ -19,7 +19,7 @@ def ares_v():
 
 
 def with_upper_stage(mission, thrust, specific_impulse):
-    """The mission with another upper-stage engine, both as factors."""
+    """Scale the mission's upper-stage engine."""
     core, upper = mission.stages
     arc = upper.model_copy(
         update={
@@ -31,7 +31,7 @@ def with_upper_stage(mission, thrust, specific_impulse):
 
 
 def fly(true, believed, name):
-    """The plant of one mission under a law that knows another."""
+    """Fly one mission under a law that believes another."""
     simulator = Simulator(true, SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0))
     law = make_law(name, believed.arrays())
     while not simulator.complete:
@@ -42,10 +42,10 @@ def fly(true, believed, name):
 
 
 def known_engine(state, mission):
-    """Thrust and mass flow that guidance plans the last arc with, as factors of the mission's."""
+    """Return thrust and mass flow of guidance's last arc, as fractions of the mission's."""
     arc = nominal = mission.arrays().arcs[-1]
     if state["left"]["count"]:
-        # so weak that it counts as failed
+        # so weak that guidance treats it as failed
         arc = state["left"]["arcs"][len(mission.arrays().arcs) - 1]
     return (
         state["thrust_ratio"] * arc["thrust"] / nominal["thrust"],

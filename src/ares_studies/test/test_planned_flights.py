@@ -22,7 +22,7 @@ from ares_optimizer.solution import Cause, Status, failed
 from ares_optimizer.solve import solve
 from ares_studies import closed_loop
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, offline_trajectory
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_trials.testing.laws import RESTART
 from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
@@ -42,7 +42,7 @@ def write(tmp_path, burn, coast):
 
 @pytest.fixture(scope="module")
 def restart(tmp_path_factory):
-    """The mission with a free first burn and coast, and the trajectory to fly it by."""
+    """Make a mission with a free first burn and coast, and its trajectory."""
     folder = tmp_path_factory.mktemp("restart")
     fixed = write(folder, BURN, COAST)
     return write(folder, "free", "free"), offline_trajectory(solve(fixed, "indirect", verify=False))
@@ -55,7 +55,7 @@ def ready(mission, trajectory, name="peg"):
 
 
 def spent(mission, flight):
-    """Velocity that the burns gave by the rocket equation, m/s."""
+    """Compute the delta-V of the burns by the rocket equation, m/s."""
     arcs = mission.arrays().arcs
     total, lit = 0.0, math.nan
     for event in flight.events:
@@ -110,7 +110,7 @@ def test_another_engine_moves_the_cut_offs_and_the_ignition(restart):
 
 
 def test_a_free_coast_before_the_last_burn(tmp_path):
-    """Only the coast is free: one leg."""
+    """Free only the coast: one leg."""
     text = RESTART.replace(
         "      - {{thrust_n", "      - {{coast_s: {coast}}}\n      - {{thrust_n", 1
     )
@@ -206,7 +206,7 @@ def test_the_primers_of_a_plan(restart):
 
 
 def test_a_last_burn_of_fixed_length_in_held_attitude(restart, tmp_path):
-    """A kick ends by the clock; where it points is all that is left to decide."""
+    """End a kick by the clock: only its direction is left to guidance."""
     _, trajectory = restart
     text = RESTART.format(burn="free", coast="free")
     at = text.rindex("burn_time_s: free}")
@@ -229,7 +229,7 @@ def test_a_last_burn_of_fixed_length_in_held_attitude(restart, tmp_path):
 
 
 def test_a_held_kick_is_flown_by_a_plan_that_knows_of_it(tmp_path):
-    """Where it points is planned too: what the flight takes is the optimum of the held mission."""
+    """Plan the kick's direction too: the flight costs as much as the optimum."""
     text = RESTART.format(burn="free", coast="free")
     at = text.rindex("burn_time_s: free}")
     path = tmp_path / "kick.yaml"
@@ -249,7 +249,7 @@ def test_a_held_kick_is_flown_by_a_plan_that_knows_of_it(tmp_path):
 
 
 def test_a_first_solution_far_from_the_plan_is_not_flown(restart):
-    """There is more than one way to the same end: the plan is steered by instead."""
+    """Find another solution for the same end: the plan is flown instead."""
     mission, trajectory = restart
     plan = trajectory.arc_plan(mission.arrays())
     longer = replace(plan, lengths_s={**plan.lengths_s, 1: 1.6 * BURN})
@@ -298,7 +298,7 @@ target:
 
 @pytest.mark.parametrize("name", ["peg", "igm"])
 def test_a_burn_through_a_third_of_an_orbit_and_a_long_coast(tmp_path, name):
-    """The optimum takes 3,086.3 m/s; the plan here burns along the velocity at first."""
+    """Compare with the optimum of 3,086.3 m/s; this plan burns along the velocity at first."""
     path = tmp_path / "two_burns.yaml"
     path.write_text(TWO_BURNS)
     mission = load_mission(path)
@@ -336,7 +336,7 @@ def test_a_campaign_flies_by_the_plan(restart, monkeypatch):
     monkeypatch.setattr(closed_loop, "arc_plan", lambda *_: plan)
     spread = Dispersions(thrust=0.003, specific_impulse=0.001)
     settings = Settings(mission, spread, 7, "peg", LawSettings(), CAMPAIGN)
-    flown = Range(settings).fly(0, 6)
+    flown = FlightRange(settings).fly(0, 6)
     assert not flown.errors
     assert np.all(flown.results["terminal_accuracy"] == 1)
     assert np.all(flown.results["converged"] == 1)
@@ -354,7 +354,7 @@ def test_without_an_optimum_there_is_no_plan(restart, monkeypatch):
 
 
 def test_a_plan_through_the_ground_is_none(restart, tmp_path, monkeypatch):
-    """The optimum dips at first: above a ground that is lower it is one, above this it is not."""
+    """Raise the ground above a plan that dips: it is refused."""
     mission, _ = restart
     path = tmp_path / "high.yaml"
     text = RESTART.format(burn="free", coast="free")
@@ -369,7 +369,7 @@ def test_a_plan_through_the_ground_is_none(restart, tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ["peg", "igm"])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.95])
 def test_guidance_that_begins_anew_in_a_coast_flies_on(restart, name, share):
-    """As after its process has died: navigation and the plan tell where the flight is."""
+    """Restart guidance in a coast: navigation and plan locate the flight."""
     mission, trajectory = restart
     simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
     law = ready(mission, trajectory, name)
@@ -395,7 +395,7 @@ def test_guidance_that_begins_anew_in_a_coast_flies_on(restart, name, share):
 
 @pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
 def test_a_plan_by_legs_is_kept_by_every_law(restart, name):
-    """The coast begins and ends as planned, where the best of now is no better than the plan."""
+    """Keep begin and end of the planned coast where replanning gains nothing."""
     mission, trajectory = restart
     law = ready(mission, replace(trajectory, by_legs=True), name)
     flight = fly_compiled(mission, law=law)
@@ -416,7 +416,7 @@ def test_a_plan_by_legs_is_kept_by_every_law(restart, name):
 
 @pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
 def test_a_plan_by_legs_is_kept_by_another_engine(restart, name):
-    """Law `optimal` would plan another coast from where the weak engine has brought it."""
+    """Keep the planned coast although the weak engine would suggest another."""
     mission, trajectory = restart
     weak = Dispersions(thrust={"mean": -0.02})
     law = ready(mission, replace(trajectory, by_legs=True), name)
@@ -468,9 +468,9 @@ target:
 
 @pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
 def test_a_burn_of_fixed_length_is_flown_whole(tmp_path, name):
-    """It could end 0.5 s early: what it gives too much is spent on the way, and the next lights.
+    """Fly a burn that could end 0.5 s early: its excess is spent, and the next burn ignites.
 
-    Method direct11 ends with 13,831.23 kg: all but the shortest second burn.
+    Method direct11 ends with 13,831.23 kg: all except the shortest second burn.
     """
     path = tmp_path / "fixed_first.yaml"
     path.write_text(FIXED_FIRST)
@@ -491,9 +491,9 @@ def test_a_burn_of_fixed_length_is_flown_whole(tmp_path, name):
 
 @pytest.mark.parametrize("flight", [1, 2, 5])
 def test_where_no_optimum_is_found_the_plan_is_flown(flight):
-    """Its last burn of 4 s cannot mend what the first one leaves: that one ends where planned.
+    """End the first burn as planned: the last burn of 4 s cannot correct it.
 
-    The whole planned anew would end these flights with 6,640 to 6,790 kg, far from the target.
+    Replanned as a whole, these flights would end with 6,640 to 6,790 kg, far from the target.
     """
     mission = load_mission("delta_iii_coast")
     spread = load_dispersions(STANDARD)
@@ -508,7 +508,7 @@ def test_where_no_optimum_is_found_the_plan_is_flown(flight):
 
 
 def test_a_short_last_burn_finds_perigee_where_the_plan_has_it():
-    """It turns no orbit of an eccentricity of 0.73: the burn before it has to hold perigee."""
+    """Hold the perigee in the burn before: a short last burn cannot turn an orbit of e = 0.73."""
     mission = load_mission(LAUNCHERS / "ariane64_gto.yaml")
     plan = solve(mission, "auto", verify=False)
     assert plan.by_legs
@@ -525,7 +525,7 @@ def test_a_short_last_burn_finds_perigee_where_the_plan_has_it():
 
 
 def test_a_law_is_asked_with_the_plan_before_ignition(restart):
-    """The leg to an end within the planet finds none; what plans the whole anew does."""
+    """Aim the leg at an end inside the planet: it fails; a law that replans as a whole does not."""
     mission, trajectory = restart
     arrays = mission.arrays(foreseen=True)
     start = mission.start().navigation()

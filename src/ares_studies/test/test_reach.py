@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a flight could have done, found without guidance."""
+"""Reachability of the target, determined without guidance."""
 
 import math
 

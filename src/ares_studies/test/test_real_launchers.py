@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Real launchers, planned from their files alone and flown by every law, first try."""
+"""Real launchers, planned from their files alone and flown by every law at the first attempt."""
 
 from functools import cache
 
@@ -27,7 +27,7 @@ MOST_LOST = 3e-3
 
 @cache
 def optimum(name: str) -> Solution:
-    """The plan, as the optimizer serves it."""
+    """Solve for the plan as the optimizer's node does."""
     return solve(load_mission(name), "auto", verify=False)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A target beyond the propellant: said, and the best within reach is flown."""
+"""A target beyond the propellant: reported, and the best end within reach is flown."""
 
 import math
 
@@ -14,7 +14,7 @@ from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
 def with_propellant(name, propellant_kg):
-    """A shipped mission with less in its last stage, and no areas to keep the impact out of."""
+    """Reduce the propellant of a shipped mission's last stage, and remove its areas."""
     mission = load_mission(name)
     *below, last = mission.stages
     last = last.model_copy(update={"propellant_kg": propellant_kg})
@@ -23,7 +23,7 @@ def with_propellant(name, propellant_kg):
 
 
 def fly(mission, name):
-    """The plant at the end, and every error that the law reported."""
+    """Fly; return the plant at the end, and every error reported by the law."""
     simulator = Simulator(
         mission, SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A solid motor by its tables, planned and flown: laws, optimizer and plant against each other."""
+"""A solid motor defined by tables, planned and flown: laws, optimizer and plant compared."""
 
 from importlib import resources
 

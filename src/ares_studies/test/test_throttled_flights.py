@@ -15,7 +15,7 @@ TEXT = MISSION.find("ares_v").read_text()
 
 
 def mission_with(tmp_path, stage, keys):
-    """Ares V with more keys in a stage's burn."""
+    """Add keys to a stage's burn of Ares V."""
     at = TEXT.index("thrust_n", TEXT.index(f"- name: {stage}"))
     path = tmp_path / "mission.yaml"
     path.write_text(TEXT[:at] + keys + "\n    " + TEXT[at:])
@@ -23,7 +23,7 @@ def mission_with(tmp_path, stage, keys):
 
 
 def missed(mission, plant):
-    """Radius m, speed m/s, flight-path angle rad off the target."""
+    """Compute the errors in radius m, speed m/s, flight-path angle rad."""
     target = mission.arrays().target[0]
     r, v = plant["position"], plant["velocity"]
     radius, speed = np.linalg.norm(r), np.linalg.norm(v)
@@ -70,7 +70,7 @@ def test_a_throttled_burn_with_another_engine(tmp_path):
 
 
 def test_a_held_first_burn_is_aimed_at_once(tmp_path):
-    """The direction of the ignition stays, and the free burn behind it makes good the rest."""
+    """Hold the direction of the ignition: the free burn after it corrects the rest."""
     mission = mission_with(tmp_path, "core", "attitude: held")
     flight = fly_compiled(mission)
     assert flight.plant["inserted"] == 1

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chapter 3 of the thesis: linear gravity, its thrust integrals, and the error of its arcs.
+"""Measure linear gravity, chapter 3 of the thesis: its thrust integrals, the error of its arcs.
 
-Table 3.1 compares the two gravities (its linear column is not omega0^2 r); :func:`gravity_table`
-does it right. What the linear field costs on a burn, and what shorter arcs buy, is in
-:func:`error_table`.
+Table 3.1 of the thesis compares the two gravities, but its linear column is not omega0^2 r;
+:func:`gravity_table` corrects it. :func:`error_table` has the errors on a burn for several arc
+lengths.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ ARC_LENGTHS_S = (430.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 
 @dataclass(frozen=True)
 class GravityRow:
-    """Gravity at one radius.
+    """Hold gravity at one radius.
 
     Attributes:
         radius_m: the radius.
@@ -41,10 +41,10 @@ class GravityRow:
 
 
 def gravity_table(mu: float, radii: Sequence[float]) -> tuple[GravityRow, ...]:
-    """Table 3.1 done right: both gravities along a flight.
+    """Tabulate both gravities along a flight: Table 3.1, corrected.
 
-    Printed: a linear column of 1e-8 m/s2. Both agree at the first radius; beyond it the
-    linear field grows with r where the true one falls.
+    Printed: a linear column of 1e-8 m/s2. Both agree at the first radius; beyond it the linear
+    field grows with r while inverse-square gravity falls.
 
     Args:
         mu: m3/s2.
@@ -62,13 +62,13 @@ def thrust_integrals(
     duration: float,
     rule: Rule = "milne",
 ) -> tuple[Array, Array]:
-    """Ic and Is of Eqs. 3.22, 3.23 over one arc, the primer by Eq. 3.21.
+    """Compute Ic and Is of Eqs. 3.22, 3.23 over one arc, the primer by Eq. 3.21.
 
     Args:
-        lambda_v: at the arc's start, shape (3,).
-        lambda_r: at the arc's start, shape (3,), 1/s.
+        lambda_v: at the start of the arc, shape (3,).
+        lambda_r: at the start of the arc, shape (3,), 1/s.
         omega: 1/s.
-        engine: thrust N and mass flow kg/s, constant, and mass kg at the start.
+        engine: constant thrust, N, and mass flow, kg/s; mass at the start, kg.
         duration: s.
         rule: ``simpson`` or ``milne``.
 
@@ -99,7 +99,7 @@ def error_table(
     heating: Heating = Heating.AT_JETTISON,
     burn: int | None = None,
 ) -> tuple[ArcError, ...]:
-    """Errors of the closed form for every arc length, by both rules, with correction and without.
+    """Tabulate errors of the closed form by arc length, rule and correction.
 
     Args:
         arrays: the mission.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the thesis' PEG costs, pin by pin (section 6.4, Figs. 6.14, 6.16 and 6.17)."""
+"""Measure the cost of each pin of the thesis' PEG (section 6.4, Figs. 6.14, 6.16, 6.17)."""
 
 import math
 from collections.abc import Callable
@@ -20,29 +20,29 @@ from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import Simulator
 
-#: Every cycle iterated until nothing moves, as multi-stage PEG does it.
+#: Iterate every cycle to convergence, as multi-stage PEG does.
 CONVERGED = LawSettings(passes_per_cycle=100, settled_below_m_s=0.1)
-#: Table 6.8: when the thesis' optimum drops its fairing, s.
+#: Table 6.8: jettison time of the thesis' optimum, s.
 THESIS_JETTISON_S = 441.02
 #: Table 6.6, m/s.
 THESIS_DELTA_V = (4076.3, 562.0, 1970.7)
-#: How far around staging the predicted jettison is watched, s.
+#: Half-width of the interval around staging in which the predicted jettison is observed, s.
 WATCHED = 20.0
 
 
 @dataclass(frozen=True)
 class PinnedFlight:
-    """One flight of the study, or an optimum.
+    """Hold one flight of the study, or an optimum.
 
     Attributes:
-        name: what is pinned and how it is flown, in words.
+        name: pins and settings, in words.
         m_f_kg: final mass.
-        t_plf_s: when the fairing went.
+        t_plf_s: fairing jettison.
         t_f_s: cut-off.
         cost_kg: final mass below the optimum's.
         heating_w_m2: at the jettison.
-        jitter_s: by how much the predicted jettison moves within 20 s of staging; nan for an
-            optimum, which predicts nothing.
+        jitter_s: range of the predicted jettison within 20 s of staging; nan for an optimum, which
+            predicts nothing.
         inclination_deg: at the jettison; nan for an optimum.
         node_shift_deg: ascending node at the jettison minus at staging; nan for an optimum.
     """
@@ -59,10 +59,10 @@ class PinnedFlight:
 
 
 def pin_study(mission: Mission | None = None) -> list[PinnedFlight]:
-    """Fly the thesis' PEG with its pins, without each of them, and what stands beside it.
+    """Fly the thesis' PEG with its pins, without each of them, and the laws compared with it.
 
     Args:
-        mission: two stages, one heating jettison in the second; default `ares_v`.
+        mission: two stages, one heating jettison in the second; default: `ares_v`.
 
     Raises:
         ValueError: another mission, or one that cannot be solved.
@@ -112,7 +112,7 @@ def pin_study(mission: Mission | None = None) -> list[PinnedFlight]:
 
 @dataclass(frozen=True)
 class WrongThrust:
-    """The same thrust error in both stages, flown with and without pins.
+    """Hold final masses with the same thrust error in both stages.
 
     Attributes:
         error: fraction of the mission's thrust.
@@ -130,11 +130,11 @@ class WrongThrust:
 def wrong_thrust_study(
     errors: tuple[float, ...] = (-0.02, -0.01, 0.01, 0.02), mission: Mission | None = None
 ) -> list[WrongThrust]:
-    """What the pins cost when the engines give more or less than guidance expects.
+    """Measure the cost of the pins when the thrust differs from guidance's.
 
     Args:
         errors: fractions of the mission's thrust, of both stages.
-        mission: as in :func:`pin_study`.
+        mission: see :func:`pin_study`.
     """
     mission = mission or load_mission("ares_v")
     rows = []
@@ -199,7 +199,7 @@ def _flown(name: str, mission: Mission, make: Callable[[], Law], optimum: Soluti
 
 
 def _jitter(mission: Mission, law: Law, staging: float) -> float:
-    """Spread of the predicted jettison around staging, s."""
+    """Compute the range of the predicted jettison around staging, s."""
     simulator = Simulator(mission)
     predicted = []
     while simulator.navigation["time"] < staging + WATCHED:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What start and stop transients cost, and how near they bring the optimum to a published one.
+"""Measure the cost of thrust transients, and how close they bring the optimum to a published one.
 
-The thesis leaves them out (section 4.2.1) and sets its optimum beside one of OTIS, which had
-them. Here the flight without them gets those of the flight with them, one by one and all, and
-then as much more as it takes to cut off at the published time.
+The thesis omits them (section 4.2.1) and compares its optimum with one of OTIS, which has them.
+Here the flight without transients gets those of the flight with them, one by one and all, and then
+as much additional loss as is needed to cut off at the published time.
 """
 
 import math
@@ -26,14 +26,14 @@ _SHORTEST = 1e-9  # s, of a coast
 
 @dataclass(frozen=True)
 class Transients:
-    """What the flight without transients is given.
+    """Select the transients added to the flight without transients.
 
     Attributes:
-        tail_off: of the core, as in the mission file, with the coast that it takes.
+        tail_off: of the core, as in the mission file, with its coast.
         separation: coast before the upper stage's start command, as in the mission file.
         start: of the upper stage, as in the mission file.
-        lost_thrust_s: core cut off so much earlier, separation not; that propellant is dropped.
-        dead_time_s: upper stage started so much later.
+        lost_thrust_s: earlier core cut-off at unchanged separation; the propellant is dropped.
+        dead_time_s: delay of the upper stage's start.
     """
 
     tail_off: bool = False
@@ -45,15 +45,15 @@ class Transients:
 
 @dataclass(frozen=True)
 class TransientRow:
-    """The optimum with some transients.
+    """Hold the optimum with some transients.
 
     Attributes:
         name: of the case.
-        transients: what was given.
+        transients: added.
         t_plf_s: fairing jettison; nan for the bound, which is no flight.
         t_meco_s: cut-off.
         m_f_kg: final mass.
-        t_plf_change_s, t_meco_change_s, m_f_change_kg: against the flight without transients.
+        t_plf_change_s, t_meco_change_s, m_f_change_kg: from the flight without transients.
     """
 
     name: str
@@ -67,7 +67,7 @@ class TransientRow:
 
 
 def transient_mission(transients: Transients) -> Mission:
-    """The mission without transients, with these."""
+    """Add transients to the mission without them."""
     plain, full = load_mission(PLAIN), load_mission(WITH_TRANSIENTS)
     core, upper = plain.stages
     full_core, full_upper = full.stages
@@ -98,7 +98,7 @@ def _coast(duration_s: float) -> list[CoastArc]:
 
 
 def _with_arcs(stage: Stage, arcs: list[BurnArc | CoastArc]) -> Stage:
-    """A stage with other arcs; its masses stay."""
+    """Replace the arcs of a stage; keep its masses."""
     return Stage(
         name=stage.name,
         ignition_mass_kg=stage.ignition_mass_kg,
@@ -116,9 +116,9 @@ def _optimum(transients: Transients) -> Solution:
 
 
 def mass_after_full_flow(mission: Mission, t_meco_s: float) -> float:
-    """The last stage's mass at a time, full flow from its first ignition on, parts dropped, kg.
+    """Compute the last stage's mass, kg, after full flow since its first ignition, jettisons done.
 
-    However slowly an engine starts, no flight that cuts off then has less.
+    A lower bound: with a slower start of the engine, a flight with this cut-off has more.
     """
     last = mission.stages[-1]
     at = len(mission.stages) - 1
@@ -129,18 +129,19 @@ def mass_after_full_flow(mission: Mission, t_meco_s: float) -> float:
 
 
 def transient_study(published_t_meco_s: float) -> list[TransientRow]:
-    """The rows: none, each alone, all; a second of each loss; what reaches a published cut-off.
+    """Compute the rows: none, each alone, all; 1 s of each loss; losses to a published cut-off.
 
     Args:
         published_t_meco_s: cut-off time of the published flight, later than the one with all
             transients of the mission file.
 
     Returns:
-        the optimum of each case, the flight without transients first; last the least mass
-        that any flight of this cut-off time can have, see :func:`mass_after_full_flow`.
+        The optimum of each case, the flight without transients first; last the least mass
+        of any flight with this cut-off time, see :func:`mass_after_full_flow`.
 
     Raises:
-        OptimizerError: a case without an optimum, or a published time that no loss leads to.
+        OptimizerError: a case without an optimum, or a published time before that of all
+            transients.
     """
     every = Transients(tail_off=True, separation=True, start=True)
 
@@ -173,14 +174,14 @@ def transient_study(published_t_meco_s: float) -> list[TransientRow]:
 def _row(
     name: str, transients: Transients, figures: tuple[float, float, float], base: Solution
 ) -> TransientRow:
-    """A row from jettison and cut-off time (s) and final mass (kg)."""
+    """Make a row from jettison and cut-off time (s) and final mass (kg)."""
     before = base.t_plf_s, base.t_meco_s, base.m_f_kg
     changes = [after - x for after, x in zip(figures, before, strict=True)]
     return TransientRow(name, transients, *figures, *changes)
 
 
 def _loss_until(t_meco_s: float, losing: Callable[[float], Transients]) -> float:
-    """Seconds lost with which the optimum cuts off at a time."""
+    """Solve for the loss in s with which the optimum cuts off at a time."""
 
     def late(lost_s: float) -> float:
         return _optimum(losing(lost_s)).t_meco_s - t_meco_s

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chapter 5 as printed and improved: against the optimum, other missions, other starts."""
+"""Test chapter 5, printed and improved, against the optimum and for other missions and starts."""
 
 import json
 import math
@@ -46,7 +46,7 @@ def optimum(ares_v):
 
 @pytest.fixture(scope="module")
 def wanted(ares_v, optimum):
-    """The optimum's figures, from its own flight."""
+    """Return the figures of the optimum, from its flight."""
     return key_figures(planar_flight(optimum), ares_v.ignition_times()[1], optimum.t_plf_s)
 
 
@@ -66,7 +66,7 @@ class TestThesis:
         assert part.time_to_go_s == pytest.approx(wanted.staging_to_jettison_s, abs=6.0)
         assert part.theta_end_deg == pytest.approx(wanted.theta_plf_deg, abs=1.0)
         assert part.gamma_joint_deg == pytest.approx(wanted.gamma_staging_deg, abs=1.0)
-        # the partials are not the same number, as all rows of Table 6.3 would have it
+        # the partials differ, unlike in all rows of Table 6.3
         assert part.partials_m_per_deg["theta_end"] == pytest.approx(-86.0, abs=2.0)
         assert part.partials_m_per_deg["gamma_joint"] == pytest.approx(8700.0, abs=50.0)
 
@@ -108,7 +108,7 @@ class TestThesis:
             assert part.time_to_go_s == pytest.approx(found[1.0].time_to_go_s, abs=0.01)
 
     def test_the_first_guess_of_part_two_is_impulsive(self, ares_v, optimum):
-        # Eq. 5.29 lies below the answer: it knows no losses
+        # Eq. 5.29 is below the answer: it has no losses
         found = analytic(ares_v, optimum, profile="thesis")
         tau = float(optimum.arcs[2].start_mass_kg / ares_v.arrays().arcs[1]["mass_flow"])
         gain = ares_v.target.speed_m_s - found.jettison.speed_m_s
@@ -278,7 +278,7 @@ class TestClosedForms:
 
 
 def changed(mission, **parts):
-    """The mission with some keys of some of its parts replaced."""
+    """Return the mission with some keys of some of its parts replaced."""
     data = mission.model_dump(exclude_none=True)
     places = {
         "core": data["stages"][0],
@@ -442,7 +442,7 @@ def flown(ares_v):
 class TestStates:
     @staticmethod
     def state(solution, time, jettisoned=False):
-        """Where a solution is at a time; at an event its later side if jettisoned."""
+        """Return the state of a solution at a time; at an event, after it if jettisoned."""
         flight = solution.trajectory
         k = int(np.searchsorted(flight.time_s, time, side="right" if jettisoned else "left"))
         k = min(k, len(flight.time_s) - 1)

@@ -28,7 +28,7 @@ def free_root(ares):
 
 
 def test_gravity_table():
-    """Table 3.1: its inverse-square column as printed, its linear column as it should be."""
+    """Reproduce Table 3.1: the inverse-square column as printed, the linear one corrected."""
     rows = gravity_table(3.986e14, (6415383.7, 6505700.0, 6518889.0))
     assert [round(row.inverse_square_m_s2, 3) for row in rows] == [9.685, 9.418, 9.380]
     assert [round(row.linear_m_s2, 3) for row in rows] == [9.685, 9.821, 9.841]
@@ -36,7 +36,7 @@ def test_gravity_table():
 
 @pytest.mark.parametrize(("rule", "order"), [("simpson", 5), ("milne", 7)])
 def test_thrust_integrals(rule, order):
-    """Against adaptive quadrature; the error of one arc falls with length^(degree + 2)."""
+    """Compare with adaptive quadrature; the error of an arc is of order degree + 2."""
     lambda_v, lambda_r = np.array([0.3, 0.9, -0.2]), np.array([-1e-3, 5e-4, 7e-4])
     omega, thrust, mass, flow = 1.2e-3, 1.3e6, 3.0e5, 297.0
 
@@ -57,7 +57,7 @@ def test_thrust_integrals(rule, order):
 
 
 class TestErrors:
-    """Without correction the error halves with the arc, with it it falls to a quarter."""
+    """Check the order of the error in the arc length: first without correction, second with it."""
 
     def rows(self, ares, root, **choice):
         arrays, start = ares

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PEG as the thesis flew it, step by step: what it is told, its modes, what it refuses."""
+"""PEG as flown in the thesis, step by step: its plan, its modes, refused inputs."""
 
 import dataclasses
 import math
@@ -71,7 +71,7 @@ def after_staging(mission, **changes):
     return navigation(mission, **{**values, **changes})
 
 
-# ---- what it is told
+# ---- the plan
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PEG as the thesis flew it, in whole flights: where it arrives, and what its pins cost."""
+"""PEG of the thesis in whole flights: accuracy, and the cost of its pins."""
 
 import math
 
@@ -131,7 +131,7 @@ def test_without_the_safeguard_mode_two_climbs_for_minutes(ares_v):
 
 
 def test_the_predicted_jettison_is_unsteady_at_staging(study):
-    """Fig. 6.14: because mode 2 begins anew and its passes are flown as they come."""
+    """Reproduce Fig. 6.14: mode 2 restarts, and its passes are flown unconverged."""
     pinned = study["peg_thesis: all pins, one pass a cycle"]
     assert pinned.jitter_s > 5.0
     assert study["no new mode at staging"].jitter_s < 0.2
@@ -139,7 +139,7 @@ def test_the_predicted_jettison_is_unsteady_at_staging(study):
 
 
 def test_node_and_inclination_are_pinned_at_staging_and_at_the_jettison(study):
-    """Figs. 6.16 and 6.17."""
+    """Reproduce Figs. 6.16 and 6.17."""
     pinned = study["peg_thesis: all pins, one pass a cycle"]
     assert pinned.inclination_deg == pytest.approx(28.5, abs=1e-6)
     assert pinned.node_shift_deg == pytest.approx(0.0, abs=1e-5)

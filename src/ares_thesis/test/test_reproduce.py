@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report: its numbers are right, complete, and say what they mean."""
+"""The report: its numbers are correct, complete, and explained."""
 
 import json
 import math
@@ -53,7 +53,7 @@ RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def value_of(text):
-    """The number that a reader sees."""
+    """Parse a number as shown."""
     text = text.replace(MINUS, "-").replace(",", "")
     if TIMES in text:
         mantissa, exponent = text.split(TIMES)
@@ -255,7 +255,7 @@ def test_the_prediction_of_the_thesis_jumps_at_staging(items):
 
 
 def test_the_linear_column_of_table_3_1_is_the_literal_equation():
-    """(mu/r^3)^2 r in km/s2, at the radii of the inverse-square column."""
+    """Compute (mu/r^3)^2 r in km/s2, at the radii of the inverse-square column."""
     table = printed.values("table-3.1")
     for square, linear in zip(table["inverse_square"], table["linear"], strict=True):
         radius = math.sqrt(3.986e14 / square)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start and stop transients: the mission that has them, its flights, and what each costs."""
+"""Start and stop transients: their mission, its flights, and the cost of each."""
 
 import math
 
@@ -45,7 +45,7 @@ class TestMission:
             assert (burn.thrust_n, burn.isp_s) == (same.thrust_n, same.isp_s)
 
     def test_closes_with_table_2_2(self, mission):
-        """The core burns what it burns without transients: 450,600 kg are left."""
+        """Check that the core burns as much as without transients: 450,600 kg are left."""
         core = mission.stages[0]
         (burn,) = core.burns
         assert burn.tail_gain_s == pytest.approx(0.958, abs=1e-9)
@@ -124,7 +124,7 @@ class TestStudy:
         assert alone.transients.lost_thrust_s == pytest.approx(2.541, abs=0.005)
 
     def test_no_transient_explains_the_rest(self, rows):
-        """Full flow from 337.15 s on is the most that can be burnt by 784 s."""
+        """Burn at full flow from 337.15 s, the most possible by 784 s."""
         least = rows["full flow from staging on"]
         assert math.isnan(least.t_plf_s)
         assert least.m_f_kg - OTIS_KG == pytest.approx(2469.0, abs=1.0)
@@ -144,7 +144,7 @@ class TestStudy:
             assert_within(errors(case, fly_compiled(case)), [10.0, 0.05, 1e-3, 1e-3])
 
     def test_shape_matters_little(self, mission):
-        """Tail-offs of one area and length, steep and flat: the same optimum within 0.5 kg."""
+        """Compare tail-offs of equal area and length: equal optima within 0.5 kg."""
         core, upper = mission.stages
         burn, coast = core.flight_arcs
         masses = []
@@ -159,7 +159,7 @@ class TestStudy:
         assert np.ptp(masses) < 0.5
 
     def test_mass_after_full_flow(self):
-        """Table 2.2: 302,000 kg at ignition without the fairing, 297.417 kg/s."""
+        """Check with Table 2.2: 302,000 kg at ignition without the fairing, 297.417 kg/s."""
         expected = 302_000.0 - 297.417 * (769.45 - 337.15)
         assert mass_after_full_flow(load_mission(PLAIN), 769.45) == pytest.approx(expected, abs=1.0)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder killed in the middle of its work, and what its bag must still hold.
+"""Kill a recorder at a random moment and check what its bag must still hold.
 
-For tests and benchmarks; nothing else uses this module.
+For tests and benchmarks only.
 """
 
 import json
@@ -34,31 +34,31 @@ from ares_trials.testing.bags import (
     report,
 )
 
-#: Navigation states a second: paced as the clock goes, ten times as fast, in lock-step.
+#: Navigation states per second: in real time, ten times faster, in lock-step.
 RATES = (10.0, 100.0, 1500.0)
-#: A message older than this at the kill must be saved, s.
+#: Age in s at the kill from which a message must have been saved.
 PROMISE = 1.0
-#: Longest recording, s, and what the kill waits for at most after the file has its size, s.
+#: Longest recording, s; largest delay of the kill after the file has reached its size, s.
 LONGEST = 6.0
 LATER = 0.6
-#: Bytes of the file per navigation state, about; the fewer come at a time, the more.
+#: Approximate bytes of the file per navigation state; more at low rates.
 _BYTES_PER_STATE = 60.0
-#: Wall time in s for the recorder to come up.
+#: Wall time in s within which the recorder must start.
 _PATIENCE = 120.0
 
 
 @dataclass(frozen=True)
 class Killed:
-    """What one trial came to.
+    """Hold the result of one trial.
 
     Attributes:
-        size: of the file at the kill, bytes.
+        size: size of the file at the kill, bytes.
         published: messages sent before the kill.
-        due: those sent more than PROMISE before.
+        due: messages sent more than PROMISE before the kill.
         saved: messages in the repaired bag.
-        missing: of those due, how many are not in it.
-        youngest_missing_s: how long before the kill the oldest message that is not saved was
-            sent; 0 if all are.
+        missing: messages that were due and are not in the repaired bag.
+        youngest_missing_s: time in s from the oldest unsaved message to the kill; 0 if all
+            messages are saved.
     """
 
     size: int
@@ -70,14 +70,14 @@ class Killed:
 
 
 class _Source(Node):
-    """Publishes a made-up flight, and remembers when what was sent."""
+    """Publish a synthetic flight and record when each message was sent."""
 
     def __init__(self, context: Context) -> None:
         super().__init__("source", namespace=NAMESPACE, context=context)
         self._nav = self.create_publisher(NavState, NAV, FLIGHT)
         self._event = self.create_publisher(FlightEvent, EVENT, EVENTS)
         self._report = self.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTIC)
-        #: topic and log time in ns of each message, with when it had been sent
+        #: wall time in s of each message's publication, by topic and log time in ns
         self.sent: dict[tuple[str, int], float] = {}
         self._count = 0
 
@@ -109,13 +109,13 @@ class _Source(Node):
 def killed_recording(
     context: Context, environment: Mapping[str, str], folder: Path, random: Random
 ) -> Killed:
-    """Record at a rate drawn at random, kill when the file has a random size, repair, compare.
+    """Record at a random rate, kill the recorder at a random file size, repair the bag and compare.
 
     Args:
         context: of the publisher.
         environment: of the recorder's process; on the same domain.
-        folder: where the bags go; must not hold any.
-        random: draws the rate, the size, and how long after it the kill comes.
+        folder: folder for the bags; must not hold any.
+        random: draws the rate, the file size and the delay of the kill.
     """
     rate = random.choice(RATES)
     growth = random.uniform(0.0, rate * LONGEST * _BYTES_PER_STATE)
@@ -140,7 +140,7 @@ def killed_recording(
 
 
 def _publish(source: _Source, rate: float, file: Path, growth: float, later: float) -> None:
-    """Publish at a rate until the file has grown by so much, and then a little longer."""
+    """Publish at `rate` until the file has grown by `growth` bytes, then for `later` s more."""
     begun = now = time.monotonic()
     wanted = file.stat().st_size + growth
     end = begun + LONGEST

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicles that nobody built: what a guidance law has to fly that was made for none of them.
+"""Draw random vehicles and missions to test guidance laws that were made for none of them.
 
-One to three stages of 0.4 to 2 g each at ignition, with or without coasts and fairing, from
-the upper atmosphere to orbits of 180 to 800 km. Not each of them can reach its target.
+One to three stages of 0.4 to 2 g each at ignition, with or without coasts and fairing, from the
+upper atmosphere to orbits of 180 to 800 km. Not all of them can reach their target.
 """
 
 import math
@@ -16,7 +16,7 @@ from ares_guidance.laws import check_law
 from ares_models.mission import Mission
 from ares_optimizer.solution import Check
 from ares_optimizer.solve import solve
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 MU = 3.986004418e14
@@ -25,7 +25,7 @@ EQUATORIAL_RADIUS = 6378137.0
 
 
 def random_mission(seed: int) -> Mission:
-    """A mission of one seed: the same on every machine.
+    """Draw the mission of a seed, equal on every machine.
 
     Args:
         seed: not negative.
@@ -39,7 +39,7 @@ def random_mission(seed: int) -> Mission:
 
 
 def random_coasting_mission(seed: int) -> Mission:
-    """Three stages with one or two free coasts between them, some with a longest length.
+    """Draw three stages with one or two free coasts between them, some limited in length.
 
     Args:
         seed: not negative.
@@ -63,7 +63,7 @@ def _mission(
     initial_state: dict[str, Any],
     stages: list[dict[str, Any]],
 ) -> Mission:
-    """A mission of drawn parts, perhaps with a fairing."""
+    """Assemble a mission from drawn parts, with a fairing in 60 % of cases."""
     jettisons = []
     if generator.random() < 0.6:
         fairing = stages[0]["ignition_mass_kg"] * generator.uniform(0.003, 0.012)
@@ -93,17 +93,17 @@ def _mission(
 
 
 def _way(generator: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any], float]:
-    """Target, start, and the velocity that the vehicle is given for the way, m/s."""
+    """Draw target, start, and the delta-V of the vehicle, m/s."""
     highest = 800e3 if generator.random() < 0.6 else 350e3
     radius = EQUATORIAL_RADIUS + generator.uniform(180e3, highest)
     speed = math.sqrt(MU / radius)
     if generator.random() < 0.3:
-        # at the perigee of an ellipse
+        # an elliptical target, reached at perigee
         speed *= generator.uniform(1.0, 1.02)
     latitude = generator.uniform(-28.0, 28.0)
     azimuth = generator.uniform(0.0, 180.0)
     start_speed = generator.uniform(2300.0, 4900.0)
-    # the plane of the start, and a little out of it
+    # close to the plane of the start
     inclination = math.degrees(
         math.acos(math.cos(math.radians(latitude)) * math.sin(math.radians(azimuth)))
     )
@@ -128,7 +128,7 @@ def _way(generator: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any]
 
 
 def _stages(generator: np.random.Generator, delta_v: float, count: int) -> list[dict[str, Any]]:
-    """Stages, first to last, that share a velocity, m/s, between them."""
+    """Draw stages, first to last, that share a delta-V, m/s."""
     shares = generator.uniform(0.4, 1.0, count)
     gains = delta_v * shares / shares.sum()
     coasts = generator.random() < 0.5
@@ -161,13 +161,13 @@ def _stages(generator: np.random.Generator, delta_v: float, count: int) -> list[
 
 @dataclass(frozen=True)
 class Solved:
-    """A mission that there is an optimum of.
+    """Hold a mission with its optimum.
 
     Attributes:
-        seed: what drew it.
-        mission: what is flown.
+        seed: of the mission.
+        mission: the mission.
         optimum_kg: mass at cut-off of its optimum.
-        spare_kg: propellant that the optimum leaves.
+        spare_kg: propellant left in the optimum.
     """
 
     seed: int
@@ -177,7 +177,7 @@ class Solved:
 
 
 def solvable(seeds: range) -> Iterator[Solved]:
-    """The missions of some seeds that `indirect` solves.
+    """Yield the missions of some seeds that `indirect` solves.
 
     Args:
         seeds: of :func:`random_mission`.
@@ -191,18 +191,18 @@ def solvable(seeds: range) -> Iterator[Solved]:
 
 
 def fly_as_planned(mission: Mission, law: str) -> Any:
-    """One flight without dispersions, judged as a campaign judges, record RESULT.
+    """Fly without dispersions and judge as a campaign does; return a record RESULT.
 
     Args:
-        mission: what is flown.
-        law: by its name.
+        mission: to be flown.
+        law: name of the guidance law.
 
     Raises:
         ValueError: the law cannot fly the mission.
-        RuntimeError: the flight broke off.
+        RuntimeError: the flight had an internal error.
     """
     check_law(law, mission.arrays(foreseen=True), mission.start().navigation())
-    flown = Range(Settings(mission, Dispersions(), law=law)).fly(0, 1)
+    flown = FlightRange(Settings(mission, Dispersions(), law=law)).fly(0, 1)
     if flown.errors:
         raise RuntimeError(flown.errors[0])
     return flown.results[0]

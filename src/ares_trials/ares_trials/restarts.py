@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guidance lost in flight and begun anew, at any time: does the flight arrive?
+"""Lose guidance in flight and restart it, at any time: does the flight reach its target?
 
-As the nodes do it, without them: until the new guidance is there the vehicle flies on by its last
-good command; the new one has nothing but the navigation state. A law that needs a plan asks the
-optimizer for one from that state, and again until there is one, and commands nothing before.
+As with the nodes, but without them: until the new guidance has started, the vehicle flies on by its
+last good command; the new guidance knows only the navigation state. A law that needs a plan
+requests one from that state, repeatedly until there is one, and commands nothing before.
 """
 
 import math
@@ -29,27 +29,27 @@ from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.kernels.entry import advance, command
 from ares_vehicle_sim.simulator import SimulatorOptions, true_vehicle
 
-#: s from one question for a plan to the next, where the optimizer found none.
+#: Interval between two requests for a plan, s.
 ASK_AGAIN = 2.0
-#: s behind an event: the first state that shows it, in a start-up transient, past most of them.
+#: Times after an event, s: the first state that shows it, during a start-up transient, after most.
 BEHIND = (0.0, 0.5, 2.0, 4.0)
 
 
 @dataclass(frozen=True)
 class Restarted:
-    """A flight whose guidance was lost.
+    """Hold a flight with a restart of guidance.
 
     Attributes:
-        lost_s: when, mission elapsed time.
-        begun_s: when the new one was there; nan: the flight was over before.
-        left_s: from then to the cut-off of the flight that lost nothing.
-        arc: index of the arc that the new one began in.
-        arrived: cut off within the terminal accuracy, all that should be is gone.
-        heating: at a jettison, over its limit, the largest; nan: there was none.
-        end: what the end is; SUBORBITAL where there is none.
+        lost_s: time of the loss, mission elapsed time.
+        begun_s: start of the new guidance; nan: the flight was over before.
+        left_s: from then to the cut-off of the undisturbed flight.
+        arc: index of the arc in which the new guidance started.
+        arrived: cut off within the terminal accuracy, with all jettisons done.
+        heating: largest ratio of heating to its limit at a jettison; nan: no such jettison.
+        end: kind of the end; SUBORBITAL without an orbit.
         mass_kg: at the end.
-        refused: navigation states that the new one refused.
-        reasons: why the optimizer found no plan, if one was needed, each time that it was asked.
+        refused: navigation states refused by the new guidance.
+        reasons: why the optimizer found no plan, one per request.
     """
 
     lost_s: float
@@ -65,21 +65,21 @@ class Restarted:
 
 
 class Restarts:
-    """Flights of one mission by one law that lose their guidance.
+    """Fly one mission by one law with losses of guidance.
 
     Attributes:
-        events: of the flight that loses nothing, dtype EVENT.
-        arrives: whether that one does.
-        cutoff_s: when that one is over, mission elapsed time.
+        events: of the undisturbed flight, dtype EVENT.
+        arrives: whether that flight reaches the target.
+        cutoff_s: end of that flight, mission elapsed time.
     """
 
     def __init__(self, mission: Mission, law: str, options: SimulatorOptions | None = None) -> None:
-        """Fly it whole.
+        """Fly the undisturbed flight.
 
         Args:
-            mission: what is flown.
+            mission: to be flown.
             law: one of `ares_guidance.registry.law_names`.
-            options: how the plant is stepped.
+            options: integration of the plant.
 
         Raises:
             ValueError: the law cannot fly the mission.
@@ -100,7 +100,7 @@ class Restarts:
         self.cutoff_s = float(flight.plant["time"])
 
     def times(self, count: int) -> list[float]:
-        """When to lose it: ``count`` times over the whole flight, and behind its events, s."""
+        """Return times of loss, s: ``count`` over the whole flight, and some after each event."""
         begin = self._begin_ns / NANOSECONDS
         spread = np.linspace(begin, self.cutoff_s, count, endpoint=False)
         behind = [self.events["time"] + after for after in BEHIND]
@@ -108,11 +108,11 @@ class Restarts:
         return [float(time) for time in times if begin < time < self.cutoff_s]
 
     def fly(self, times: Iterable[float], away_s: Sequence[float]) -> Iterator[Restarted]:
-        """Lose it.
+        """Fly with a loss at each time, for each duration.
 
         Args:
-            times: when, s, ascending.
-            away_s: how long, each at each time.
+            times: of the loss, s, ascending.
+            away_s: durations of the loss, s.
         """
         law, vehicle = self._first, _copy(self._start)
         for array, blank in zip(law.onboard, self._blank, strict=True):
@@ -126,7 +126,7 @@ class Restarts:
                 yield self._begin_anew(_copy(vehicle), away)
 
     def _advance(self, vehicle: VehicleArrays, span: float) -> None:
-        """Fly on by the command in force for ``span`` s, to the next navigation state at least."""
+        """Fly by the command in force for ``span`` s, at least to the next navigation state."""
         now = round(float(vehicle.plant["time"][0]) * NANOSECONDS)
         tick = (now - self._begin_ns) // self._period_ns
         last = tick + max(1, round(span * NANOSECONDS / self._period_ns))
@@ -136,7 +136,7 @@ class Restarts:
             advance(self._true, vehicle, until / NANOSECONDS)
 
     def _begin_anew(self, vehicle: VehicleArrays, away: float) -> Restarted:
-        """Fly on without guidance, and then with another to the end."""
+        """Fly without guidance for `away` s, then with a new one to the end."""
         plant = vehicle.plant[0]
         lost = float(plant["time"])
         if away > 0.0:
@@ -169,7 +169,7 @@ class Restarts:
         )
 
     def _new_law(self, state: NDArray[np.void]) -> tuple[Law | None, str]:
-        """A law from one state; None and why: it lacks its plan. Without a start one flies peg."""
+        """Make a law from one state, and the reason of a failure; None if it has no plan."""
         try:
             return ready_law(self._mission, self._law, state=state), ""
         except ValueError as error:
@@ -187,13 +187,13 @@ class Restarts:
         )
 
     def _arrives(self, plant: Any) -> bool:
-        """Whether an end is the target, by a cut-off, with all gone that should be."""
+        """Tell whether an end is the target, by a cut-off, with all jettisons done."""
         reached = self._reached(plant)
         arrives = reached.end is End.TARGET and not reached.left_on
         return bool(plant["inserted"] == 1 and arrives)
 
     def _heating(self, events: NDArray[np.void]) -> float:
-        """At a jettison, over its limit, the largest."""
+        """Return the largest ratio of heating to its limit at a jettison; nan without one."""
         dropped = events[events["type"] == JETTISON_DONE]
         parts = self._true.jettisons[dropped["index"]]
         hot = parts["criterion"] == HEATING_LIMIT

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Free coasts of vehicles that nobody built, planned by `indirect` from the mission alone."""
+"""Free coasts of random vehicles, planned by `indirect` from the mission alone."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ NOTHING_S = 0.1
 
 
 def taken(mission, solution):
-    """Propellant of the free burn, kg."""
+    """Compute the propellant of the free burn, kg."""
     arrays, start = mission.arrays(), mission.start().navigation()[0]
     lengths = np.array(solution.lengths_s)
     return spent(arrays, start, lengths, solution.t_meco_s - last_begin(arrays, start, lengths))
@@ -59,7 +59,7 @@ def test_the_best_lengths(seed, kg, lengths):
 
 @pytest.mark.parametrize("seed", [0, 31, 186, 240, 572])
 def test_fixed_burns_that_reach_the_target_leave_nothing_to_burn(seed):
-    """Downhill to nothing, or, where there is no way down, as `direct11` flies it."""
+    """Check a free burn of length zero, by descent or as `direct11` flies it."""
     mission = random_coasting_mission(seed)
     solution = solve(mission, "indirect")
     assert solution.converged, solution.reason
@@ -98,7 +98,7 @@ def test_direct_solutions_of_a_grid_do_no_better(seed):
 
 
 def test_a_search_that_burns_the_vehicle_up_is_a_failure():
-    """It ends beyond the last kilogram, with no flight to show."""
+    """Search beyond the last kilogram: there is no trajectory."""
     mission = random_coasting_mission(6)
     arrays, start = mission.arrays(), mission.start().navigation()
     planned = with_lengths(arrays, start[0], np.array([193.00736451, 55.29397062]))
@@ -108,7 +108,7 @@ def test_a_search_that_burns_the_vehicle_up_is_a_failure():
 
 
 def test_a_direct_flight_through_the_ground_is_no_solution():
-    """Of the lengths tried none leads to a flight that stays up."""
+    """Try lengths that all lead through the ground."""
     mission = random_coasting_mission(139)
     deep = [np.array([2600.0, 623.96871956])]
     asked = replace(request(mission, "direct11"), verify=False)

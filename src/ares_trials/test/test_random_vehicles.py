@@ -27,11 +27,11 @@ def test_there_are_vehicles_of_every_kind(solved):
 
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 def test_a_vehicle_that_can_be_flown_is_flown(solved, law):
-    """To tolerance, the fairing off below its limit, measured and modelled."""
+    """Fly within tolerance, the fairing off below its limit, measured and modelled."""
     lost = []
     for each in solved:
         flown = fly_as_planned(each.mission, law)
-        # whose optimum leaves less than a law may lose can run dry
+        # a flight may run dry if its optimum spares less than a law may lose
         if flown["ended"] == DEPLETION and each.spare_kg < WORST * each.optimum_kg:
             continue
         assert flown["terminal_accuracy"] == 1, each.seed
@@ -46,7 +46,7 @@ def test_a_vehicle_that_can_be_flown_is_flown(solved, law):
 
 
 def test_a_jettison_two_seconds_after_the_start_keeps_its_limit():
-    """The heating falls by a sixth in a second there; PEG's expansion was 0.1 % late."""
+    """Jettison where the heating falls by a sixth per second; PEG's expansion was 0.1 % late."""
     mission = random_mission(26)
     flown = fly_as_planned(mission, "peg")
     assert 0.0 < flown["jettison_time"] - mission.start().time_s < 5.0
@@ -55,14 +55,14 @@ def test_a_jettison_two_seconds_after_the_start_keeps_its_limit():
 
 @pytest.mark.parametrize("law", ["peg", "optimal"])
 def test_a_cutoff_just_after_a_staging_is_that_of_the_next_stage(law):
-    """Held in the burn before: 0.1 s of the last stage and a coast of 3 s are to come."""
+    """Hold the steering in the burn before: 0.1 s of the last stage and a coast of 3 s follow."""
     flown = fly_as_planned(random_mission(5204), law)
     assert flown["terminal_accuracy"] == 1
 
 
 @pytest.mark.parametrize("law", ["peg", "igm"])
 def test_an_inclination_below_the_latitude_is_flown_to(law):
-    """By a turn out of the plane that no small angle covers."""
+    """Turn out of the plane by more than a small angle."""
     mission = load_mission("ares_v")
     low = mission.target.model_copy(update={"inclination_deg": 15.0})
     flown = fly_as_planned(mission.model_copy(update={"target": low}), law)
@@ -70,7 +70,7 @@ def test_an_inclination_below_the_latitude_is_flown_to(law):
 
 
 def test_a_law_that_finds_no_way_says_so_before_the_start(tmp_path):
-    """A burn of 46 minutes goes half round the planet: no thrust integral covers it."""
+    """Burn for 46 minutes, half round the planet: no thrust integral covers it."""
     mission = orbit_raise(tmp_path)
     start = mission.start().navigation()
     for law in ("peg", "igm"):
@@ -81,7 +81,7 @@ def test_a_law_that_finds_no_way_says_so_before_the_start(tmp_path):
 
 
 def orbit_raise(tmp_path):
-    """From a circle of 300 km to one of 450 km, at 0.06 m/s2."""
+    """Make a mission from a circle of 300 km to one of 450 km, at 0.06 m/s2."""
     low, high = 6678137.0, 6828137.0
     path = tmp_path / "orbit_raise.yaml"
     path.write_text(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guidance lost in flight and begun anew from the navigation state alone: the flight arrives."""
+"""Guidance lost in flight and restarted from the navigation state alone: the target is reached."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ ENOUGH = 30.0
 
 
 def arrive(restarts, times, away_s):
-    """That all with time enough do, without a state refused; how many they are."""
+    """Assert that flights with enough time arrive, no state refused; return their number."""
     due = [end for end in restarts.fly(times, away_s) if end.left_s >= ENOUGH]
     assert [end for end in due if not end.arrived or end.refused] == []
     return len(due)

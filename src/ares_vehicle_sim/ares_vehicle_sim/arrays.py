@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Structured dtypes of the plant, and what a simulated flight carries."""
+"""Structured dtypes of the plant and of a simulated flight."""
 
 from typing import Any, NamedTuple
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING, Record
 
-#: Room for the longest sequence that a mission may have, tested.
+#: Capacity for the longest possible sequence of a mission; a test covers it.
 MAX_EVENTS = 128
 
-#: Stages and jettisons that a variation has room for.
+#: Largest number of stages of a variation.
 MAX_STAGES = 8
 
 FLIGHT_STARTED = 1
@@ -24,10 +24,10 @@ DEPLETION = 7
 FLIGHT_COMPLETE = 8
 IMPACT = 9
 TIME_LIMIT = 10
-# of the node, not of the plant
+# events of the node
 GUIDANCE_LOST = 11
 GUIDANCE_BACK = 12
-# of the plant again
+# further events of the plant
 FAILED = 13
 JETTISON_STUCK = 14
 OVER_LIMIT = 15
@@ -48,7 +48,7 @@ EVENT = np.dtype(
 OPTIONS = np.dtype(
     [
         ("max_step", np.float64),  # s, of the integrator
-        ("attitude_rate_limit", np.float64),  # rad/s; inf: the thrust follows at once
+        ("attitude_rate_limit", np.float64),  # rad/s; inf: the thrust follows immediately
         ("navigation_period", np.float64),  # s between navigation states
     ],
     align=True,
@@ -63,18 +63,18 @@ NAVIGATION_ERRORS = np.dtype(
         ("sensed_delta_v_scale", np.float64, (3,)),  # fraction
         ("mass_scale", np.float64),  # fraction
         ("heating_scale", np.float64),  # fraction
-        # one sigma, new at every state
+        # one sigma, drawn at every state
         ("position_noise", np.float64),  # m, per axis
         ("velocity_noise", np.float64),  # m/s, per axis
         ("heating_noise", np.float64),  # fraction
-        # the noise of a state is a function of seed, flight and the state's number
+        # noise is a function of seed, flight and number of the state
         ("seed", np.uint64),
         ("flight", np.uint64),
     ],
     align=True,
 )
 
-#: How the truth of one flight differs from the mission file. Fractions are added to 1.
+#: Differences of the truth of one flight from the mission file. Fractions are added to 1.
 VARIATION = np.dtype(
     [
         ("position", np.float64, (3,)),  # m, added to the initial state
@@ -82,7 +82,7 @@ VARIATION = np.dtype(
         ("thrust", np.float64, (MAX_STAGES,)),  # fraction, per stage
         ("specific_impulse", np.float64, (MAX_STAGES,)),
         ("stage_mass", np.float64, (MAX_STAGES,)),  # fraction of the stage's own mass
-        ("propellant", np.float64, (MAX_STAGES,)),  # fraction of what is loaded
+        ("propellant", np.float64, (MAX_STAGES,)),  # fraction of the loaded propellant
         ("jettison_mass", np.float64, (MAX_JETTISONS,)),
         ("jettison_limit", np.float64, (MAX_JETTISONS,)),  # fraction of the heating limit
         ("log_density", np.float64),  # logarithm of a factor
@@ -102,27 +102,27 @@ FAILED_IGNITION = 4
 STUCK_THROTTLE = 5
 STUCK_JETTISON = 6
 
-#: Of a failure that has happened, and of one that struck a coast.
+#: Status of a failure: it has happened; it struck when nothing could fail, such as in a coast.
 STRUCK = 1
 IN_VAIN = 2
 
-#: What fails in a flight: `ares_models.failures.Failure`.
+#: Failure of a flight, see `ares_models.failures.Failure`.
 FAILURE = np.dtype(
     [
         ("kind", np.int64),  # NO_FAILURE or another of the above
-        ("time", np.float64),  # s; inf: not at a time
-        ("arc", np.int64),  # the burn that does not ignite, or whose throttle is stuck; -1: none
-        ("jettison", np.int64),  # the one that does not go; -1: all do
+        ("time", np.float64),  # s; inf: the kind has no time
+        ("arc", np.int64),  # burn that does not ignite, or with the stuck throttle; -1: none
+        ("jettison", np.int64),  # stuck jettison; -1: none
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("struck", np.int64),  # 0: not yet; STRUCK or IN_VAIN
-        # kg below which the stuck throttle's acceleration is over its limit; 0: it is, or none is
+        # kg, mass at which the stuck throttle's acceleration exceeds its limit; 0: none, or past
         ("over_mass", np.float64),
     ],
     align=True,
 )
 
-#: Has the fields of SEQUENCE.
+#: True state of the plant; has the fields of SEQUENCE.
 PLANT = np.dtype(
     [
         ("time", np.float64),
@@ -134,10 +134,10 @@ PLANT = np.dtype(
         ("heating_rate", np.float64),
         ("arc", np.int64),
         ("arc_start_time", np.float64),
-        ("ignited_stage", np.int64),  # last stage that was lit; -1: none
+        ("ignited_stage", np.int64),  # stage ignited last; -1: none
         ("ignition_time", np.float64),  # of that stage
         ("propellant_used", np.float64),  # kg, by the present stage
-        ("tail_arc", np.int64),  # arc whose thrust is dying away; -1: none
+        ("tail_arc", np.int64),  # arc in its tail-off; -1: none
         ("tail_start_time", np.float64),
         ("jettisoned", np.int64),  # bit k: jettison k is done
         ("jettison_time", np.float64, (8,)),  # commanded; nan: not yet
@@ -146,13 +146,13 @@ PLANT = np.dtype(
         ("direction", np.float64, (3,)),  # of the thrust, unit
         ("held_direction", np.float64, (3,)),  # commanded at the ignition of a held burn
         ("command", STEERING),  # in force
-        ("latency", np.float64),  # s until a command is in force
-        ("coming", STEERING),  # the command that is under way
-        ("coming_time", np.float64),  # when it will be in force; inf: none is under way
+        ("latency", np.float64),  # s from a command's arrival to its effect
+        ("pending", STEERING),  # command that is not in force yet
+        ("pending_time", np.float64),  # time of its effect; inf: none is pending
         ("failure", FAILURE),
         ("errors", NAVIGATION_ERRORS),
         ("measurements", np.uint64),  # navigation states so far
-        # from the drop of a part that waits for the heating; 0 before it
+        # since the last heating jettison; 0 before any
         ("peak_heating_after_jettison", np.float64),
         ("event_count", np.int64),
         ("events", EVENT, (MAX_EVENTS,)),
@@ -185,13 +185,13 @@ TRUTH_FIELDS = tuple(str(field[0]) for field in _TRUTH_FIELDS)
 
 
 class VehicleArrays(NamedTuple):
-    """What a simulated flight carries.
+    """Hold the arrays of a simulated flight.
 
     Attributes:
         options: shape (1,), dtype OPTIONS.
         plant: shape (1,), dtype PLANT, the true state.
-        navigation: shape (1,), dtype NAVIGATION, what is reported of it.
-        truth: shape (1,), dtype TRUTH, the true state in the words of VehicleState.
+        navigation: shape (1,), dtype NAVIGATION, the navigated state.
+        truth: shape (1,), dtype TRUTH, the true state in the fields of VehicleState.
     """
 
     options: NDArray[Any]
@@ -201,7 +201,7 @@ class VehicleArrays(NamedTuple):
 
 
 class Vehicle(NamedTuple):
-    """The same as kernels hand it to one another, as records."""
+    """Hold the records of `VehicleArrays`, as kernels pass them on."""
 
     options: Record
     plant: Record
@@ -210,5 +210,5 @@ class Vehicle(NamedTuple):
 
 
 def blank_vehicle(options: NDArray[Any]) -> VehicleArrays:
-    """Room for a flight, all zero but for the options."""
+    """Return the arrays of a flight, all zero except the options."""
     return VehicleArrays(options, np.zeros(1, PLANT), np.zeros(1, NAVIGATION), np.zeros(1, TRUTH))

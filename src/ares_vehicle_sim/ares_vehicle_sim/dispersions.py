@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a dispersions file says: how the truth of a flight may differ from the mission file.
+"""Dispersions file: distributions of the truth about the mission file.
 
-The format is described key by key in ``docs/montecarlo.md``; ``draws`` draws from it.
+``docs/montecarlo.md`` describes the format key by key; ``draws`` samples it.
 """
 
 import math
@@ -35,33 +35,33 @@ from ares_models.input_file import (
 from ares_models.mission_parts import Latitude, Moment, Part, Turn, fail
 from ares_models.ranges import Range
 
-#: How far beyond the largest sigma a mean or a bound may be.
+#: Largest mean or bound of a spread, as a multiple of the largest sigma.
 MAX_SIGMAS = 5.0
 
-#: Share of flights in which a heating limit is to be kept without measuring it.
+#: Fraction of flights that keep a heating limit without measuring the heating.
 KEPT = 0.997
 
 
 class DispersionsError(InputError):
-    """A dispersions file is wrong, or does not fit the mission; the text is one line."""
+    """Report a wrong dispersions file, or one that does not fit the mission; one line."""
 
 
 DISPERSIONS = InputKind(
     "dispersions", DispersionsError, "ares_vehicle_sim", "data", may_be_empty=True
 )
 
-#: What a campaign flies when it is given no file.
+#: Default dispersions of a campaign.
 STANDARD = "standard"
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How one number is distributed: ``centre + size x``.
+    """Hold the distribution ``centre + size x`` of a number.
 
     Attributes:
         centre: mean.
-        size: x is standard normal and this is one sigma; or x is even within +-1.
-        even: which of the two.
+        size: one sigma of a normal distribution, or half the width of a uniform one.
+        even: the distribution is uniform.
     """
 
     centre: float = 0.0
@@ -69,23 +69,23 @@ class Spread:
     even: bool = False
 
     def __str__(self) -> str:
-        """As a file has it."""
+        """Format the distribution as in a file."""
         if self.even:
             return f"{{low: {self.centre - self.size}, high: {self.centre + self.size}}}"
         return f"{{mean: {self.centre}, sigma: {self.size}}}" if self.centre else str(self.size)
 
     @property
     def active(self) -> bool:
-        """Anything but zero for certain."""
+        """Return whether the value can differ from 0."""
         return self.centre != 0.0 or self.size != 0.0
 
     @property
     def sigma(self) -> float:
-        """Standard deviation."""
+        """Return the standard deviation."""
         return self.size / math.sqrt(3.0) if self.even else self.size
 
 
-#: One for all components, or one for each.
+#: One spread for all components, or one for each.
 Spreads = tuple[Spread, ...]
 
 NOTHING: Spreads = (Spread(),)
@@ -102,7 +102,7 @@ def _number(path: KeyPath, value: object, low: float, high: float) -> float:
 
 
 def _spread(path: KeyPath, value: object, limits: "SpreadRange") -> Spread:
-    """One distribution, or a complaint."""
+    """Parse a spread; raise a validation error if it is wrong."""
     if isinstance(value, Spread):
         return value
     if not isinstance(value, dict):
@@ -125,12 +125,12 @@ def _spread(path: KeyPath, value: object, limits: "SpreadRange") -> Spread:
 
 @dataclass(frozen=True)
 class SpreadRange:
-    """Bounds of a spread in a model: ``Annotated[Spreads, SpreadRange(0.2)]``.
+    """Bound a spread in a model: ``Annotated[Spreads, SpreadRange(0.2)]``.
 
     Attributes:
-        limit: of one sigma; a mean, a low and a high reach MAX_SIGMAS times as far.
-        least: of a mean, a low and a high.
-        components: how many there are; None: as many as stages or jettisons.
+        limit: largest sigma; a mean, a low and a high may be MAX_SIGMAS times as large.
+        least: least mean, low and high.
+        components: their number; None: the number of stages or jettisons.
     """
 
     limit: float
@@ -142,24 +142,24 @@ class SpreadRange:
 
     @property
     def reach(self) -> float:
-        """Greatest mean, sigma beside a mean, and high."""
+        """Return the largest mean, high, and sigma beside a mean."""
         return MAX_SIGMAS * self.limit
 
     @property
     def low(self) -> float:
-        """Least mean and low."""
+        """Return the least mean and low."""
         return max(self.least, -self.reach)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """Parses before the tuple of spreads is looked at."""
+        """Build the schema that parses spreads before pydantic checks the tuple."""
         return core_schema.no_info_before_validator_function(self._parse, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """What :meth:`_parse` takes, for editors."""
+        """Build the JSON schema of the input of :meth:`_parse`, for editors."""
         sigma = {"type": "number", "minimum": 0.0, "maximum": self.limit}
         bound = {"type": "number", "minimum": self.low, "maximum": self.reach}
         bounds = dict.fromkeys(("mean", "low", "high"), bound)
@@ -210,9 +210,9 @@ Row = tuple[Number, Number, Number, Number, Number, Number]
 
 
 class NavigationErrors(Part):
-    """Errors of the navigation state, per axis where it is a vector.
+    """Hold the errors of the navigation state, per axis for a vector.
 
-    Biases and scales are drawn once a flight; noise is one sigma, new at every state.
+    Biases and scales are drawn once per flight; noise is one sigma, drawn at every state.
     """
 
     position_bias_m: Lengths = Field(default=NOTHING, description="drawn once a flight")
@@ -228,7 +228,7 @@ class NavigationErrors(Part):
 
 
 class Nrlmsis(Part):
-    """The true atmosphere is NRLMSIS 2.1 over one place, at a date and an activity drawn."""
+    """Hold a true atmosphere by NRLMSIS 2.1 over one place, at a drawn date and activity."""
 
     first_date: Moment = Field(description="the date is even between them")
     last_date: Moment = Field(description="the date is even between them")
@@ -248,9 +248,9 @@ class Nrlmsis(Part):
 
 
 class Dispersions(Part):
-    """How the truth differs from the mission file, and navigation from the truth.
+    """Hold the distributions of the truth about the mission file, and of navigation errors.
 
-    Each key says what it is; per stage, per jettison or per axis one value may stand for all.
+    Where a key has a value per stage, jettison or axis, one value may stand for all.
     """
 
     draws: Literal["random", "sobol"] = Field(
@@ -315,11 +315,10 @@ class Dispersions(Part):
         return self
 
     def heating_margin(self, kept: float = KEPT) -> float:
-        """What guidance must stay below a heating limit when it measures nothing, a fraction.
+        """Compute the margin to a heating limit for guidance without measurement, a fraction.
 
-        The jettison keeps the limit in this share of flights, if the density is right on board
-        but for ``log_density`` and the limit but for ``jettison_limit``; an atmosphere of
-        ``nrlmsis`` is not counted.
+        With it the jettison keeps the limit in the fraction ``kept`` of flights. It covers
+        ``log_density`` and ``jettison_limit``, but not the atmosphere of ``nrlmsis``.
         """
         limit = max(self.jettison_limit, key=lambda spread: spread.sigma)
         (density,) = self.log_density
@@ -328,7 +327,7 @@ class Dispersions(Part):
         return max(0.0, -math.expm1(-worst))
 
     def initial_root(self) -> NDArray[np.float64] | None:
-        """Lower triangle L with L L^T the covariance, shape (6, 6); None if none is given."""
+        """Factor the covariance as L L^T, L lower triangular, shape (6, 6); None without one."""
         if self.initial_covariance is None:
             return None
         covariance = np.array(self.initial_covariance)
@@ -358,21 +357,21 @@ def load_dispersions(name_or_path: str | Path) -> Dispersions:
     """Read a dispersions file.
 
     Args:
-        name_or_path: name of a shipped one, or path of a file.
+        name_or_path: name of shipped dispersions, or path of a file.
 
     Raises:
-        DispersionsError: one line with the file, the key, its value and what was expected.
+        DispersionsError: one line with the file, the key, its value and the expected one.
     """
     return read_dispersions(name_or_path)[0]
 
 
 def read_dispersions(name_or_path: str | Path) -> tuple[Dispersions, str]:
-    """Read a dispersions file; return what it says, and its text.
+    """Read a dispersions file; return its content and its text.
 
-    Args: as `load_dispersions`.
+    Args: as in `load_dispersions`.
 
     Raises:
-        DispersionsError: so too.
+        DispersionsError: as in `load_dispersions`.
     """
     path = DISPERSIONS.find(name_or_path)
     text = read_text(path, DISPERSIONS)

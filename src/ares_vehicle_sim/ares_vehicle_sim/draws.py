@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The draws of a flight: what differs, from the seed and the flight's number alone.
+"""Draws of a flight's dispersions, from the seed and the flight's number alone.
 
-Every quantity has a stream of its own, keyed by the seed and the quantity's name, and a flight
-has its place in it: adding a quantity to the file leaves the draws of the others as they were,
-and flight k is drawn the same alone or among a million. A uniform number becomes the
-quantity's value through the inverse of its distribution, whether it is pseudo-random (Philox)
-or of a Sobol sequence, which is shifted at random by the same streams.
+Every quantity has its own stream, keyed by seed and name, and a flight has a fixed place in it: a
+new quantity in the file does not change the draws of the others, and flight k is drawn equally
+alone or among a million. A uniform number becomes a value through the inverse of its distribution,
+both for pseudo-random numbers (Philox) and for a Sobol sequence, which the same streams shift at
+random.
 """
 
 import re
@@ -37,8 +37,8 @@ Words = NDArray[np.uint64]
 POSITION = "initial_position_m"
 VELOCITY = "initial_velocity_m_s"
 
-#: Every quantity that is drawn, and its field in a VARIATION. The place here is the place in
-#: the Sobol sequence: new ones come last.
+#: Field of VARIATION by quantity. The order fixes the dimension of the Sobol sequence: append new
+#: quantities at the end.
 FIELDS = {
     POSITION: "position",
     VELOCITY: "velocity",
@@ -72,10 +72,10 @@ PER_STAGE = (
 )
 PER_JETTISON = ("jettison_mass", "jettison_limit")
 
-#: Room for quantities in the Sobol sequence: dimension = component x this + place.
+#: Largest number of quantities in the Sobol sequence: dimension = component x this + place.
 RESERVED = 32
 SOBOL_BITS = 32
-#: Words of a block of Philox; a flight takes whole blocks.
+#: Words per block of Philox; a flight uses whole blocks.
 BLOCK = 4
 
 #: Altitudes of a drawn atmosphere, km: within 0.12 % of the fine table from 70 to 200 km.
@@ -96,13 +96,13 @@ AXES = {"eci": ("x", "y", "z"), "local": ("up", "downrange", "crossrange")}
 
 @dataclass(frozen=True)
 class Draws:
-    """The draws of flights in a row.
+    """Hold the draws of consecutive flights.
 
     Attributes:
-        inputs: shape (n, columns), as the dispersions file means them.
+        inputs: shape (n, columns), values of the quantities of the dispersions file.
         variations: shape (n,), dtype VARIATION.
-        atmospheres: shape (n, m, 5), tables as in MissionArrays; shape (1, m, 5) where all
-            fly in the same.
+        atmospheres: shape (n, m, 5), tables as in MissionArrays; shape (1, m, 5) if all flights
+            share one.
     """
 
     inputs: Array
@@ -112,7 +112,7 @@ class Draws:
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Something that is drawn: one number for each component."""
+    """Describe a drawn quantity with one number per component."""
 
     name: str
     spreads: Spreads
@@ -129,7 +129,7 @@ class _Quantity:
         return len(self.components)
 
     def values(self, words: Words) -> Array:
-        """What random words mean, both of shape (n, components)."""
+        """Convert random words to values, both of shape (n, components)."""
         from scipy.special import ndtri  # slow to import
 
         uniform = ((words >> SPARE_BITS).astype(np.float64) + 0.5) * STEP
@@ -142,24 +142,24 @@ class _Quantity:
 
 
 class Sampler:
-    """Draws the flights of one seed.
+    """Draw the flights of one seed.
 
     Attributes:
-        columns: what is drawn, one name for each column of `Draws.inputs`.
+        columns: names of the columns of `Draws.inputs`.
     """
 
     def __init__(self, mission: Mission, dispersions: Dispersions, seed: int) -> None:
         """Prepare.
 
         Args:
-            mission: what is flown.
-            dispersions: how it differs.
+            mission: the mission.
+            dispersions: of the truth.
             seed: master seed, not negative.
 
         Raises:
-            DispersionsError: the dispersions do not fit the mission, or SciPy is not there; one
-                line.
-            AtmosphereError: NRLMSIS is asked for and not there.
+            DispersionsError: the dispersions do not fit the mission, or SciPy is not installed;
+                one line.
+            AtmosphereError: NRLMSIS is needed and not installed.
         """
         self._dispersions = dispersions
         self._seed = seed
@@ -173,7 +173,7 @@ class Sampler:
         _check_starts(mission, dispersions)
         self._sobol = _Sobol(self._quantities, seed) if dispersions.draws == "sobol" else None
         self.columns = tuple(column for q in self._quantities for column in q.columns)
-        # now, not in every flight, shows whether NRLMSIS is there
+        # a trial draw reports a missing NRLMSIS now instead of in a flight
         self.draw(0, 1)
 
     def draw(self, first: int, count: int) -> Draws:
@@ -189,14 +189,14 @@ class Sampler:
         )
 
     def words(self, quantity: _Quantity, first: int, count: int) -> Words:
-        """Random words of a quantity, shape (count, components)."""
+        """Generate the random words of a quantity, shape (count, components)."""
         return _philox_words(self._seed, quantity.name, quantity.size, first, count)
 
     def _correlate(self, drawn: dict[str, Array], root: Array) -> None:
-        """Give the initial state, drawn as standard normal numbers, its covariance."""
+        """Transform the standard normal draws of the initial state to its covariance."""
         independent = np.concatenate([drawn[POSITION], drawn[VELOCITY]], axis=1)
         state = np.zeros_like(independent)
-        # term by term: a matrix product may round one flight otherwise than a thousand
+        # term by term: a matrix product may round a single flight differently from a thousand
         for k in range(6):
             state += independent[:, k : k + 1] * root[:, k]
         drawn[POSITION], drawn[VELOCITY] = state[:, :3], state[:, 3:]
@@ -245,7 +245,7 @@ class Sampler:
 
 
 def _philox_words(seed: int, name: str, size: int, first: int, count: int) -> Words:
-    """Random words of a stream, shape (count, size), from the place of a flight on."""
+    """Generate the words of a stream for ``count`` flights from ``first`` on, (count, size)."""
     blocks = -(-size // BLOCK)
     key = np.array([seed, stream_number(name)], dtype=np.uint64)
     generator = np.random.Philox(key=key, counter=first * blocks)
@@ -254,9 +254,9 @@ def _philox_words(seed: int, name: str, size: int, first: int, count: int) -> Wo
 
 
 class _Sobol:
-    """Points of a Sobol sequence, shifted at random, as words.
+    """Generate the words of a randomly shifted Sobol sequence.
 
-    The shift is digital (exclusive or), which keeps the sequence a net.
+    The shift is digital (exclusive or), which preserves the net property.
     """
 
     def __init__(self, quantities: Sequence[_Quantity], seed: int) -> None:
@@ -273,15 +273,15 @@ class _Sobol:
         self._chunk: tuple[int, int] | None = None
 
     def words(self, quantity: _Quantity, first: int, count: int) -> Words:
-        """As Sampler.words."""
+        """Generate the words of a quantity, shape (count, components)."""
         points = self._points(first, count)[:, self._dimensions[quantity.name]]
         shift = self._shifts[quantity.name]
         return (points << np.uint64(64 - SOBOL_BITS)) ^ shift
 
     def _points(self, first: int, count: int) -> Words:
-        """All dimensions of points in a row, as integers of SOBOL_BITS bits."""
+        """Generate consecutive points in all dimensions, as integers of SOBOL_BITS bits."""
         if self._chunk != (first, count):
-            # the import takes long, and most campaigns do without
+            # slow to import, and rarely needed
             from scipy.stats.qmc import Sobol
 
             if self._engine is None or self._next > first:
@@ -289,7 +289,7 @@ class _Sobol:
                 self._next = 0
             if first > self._next:
                 self._engine.fast_forward(first - self._next)
-            # one point first: it complains of a first number that is no power of two
+            # one point first: SciPy warns if the first number is not a power of two
             points = [self._engine.random(1), self._engine.random(count - 1)]
             self._latest = np.ldexp(np.concatenate(points), SOBOL_BITS).astype(np.uint64)
             self._next = first + count
@@ -298,7 +298,7 @@ class _Sobol:
 
 
 def _axes(mission: Mission, frame: str) -> Array:
-    """Unit vectors of the initial state's axes in ares_eci, shape (3, 3), in rows."""
+    """Return the unit vectors of the initial state's axes in ares_eci, in rows, shape (3, 3)."""
     if frame == "eci":
         return np.eye(3)
     start = mission.start()
@@ -309,15 +309,15 @@ def _axes(mission: Mission, frame: str) -> Array:
 
 
 def _slugs(names: Sequence[str]) -> tuple[str, ...]:
-    """Names as parts of a column's name."""
+    """Convert names to parts of a column's name."""
     return tuple(re.sub(r"\W+", "_", name) for name in names)
 
 
 def _quantities(mission: Mission, dispersions: Dispersions) -> list[_Quantity]:
-    """Everything that the file disperses, in the order of FIELDS.
+    """List the dispersed quantities in the order of FIELDS.
 
     Raises:
-        DispersionsError: a list that is not as long as there are stages or jettisons.
+        DispersionsError: the length of a list is not the number of stages or jettisons.
     """
     axes = AXES[dispersions.initial_frame]
     components: dict[str, Sequence[str]] = {POSITION: axes, VELOCITY: axes}
@@ -344,7 +344,7 @@ def _quantities(mission: Mission, dispersions: Dispersions) -> list[_Quantity]:
 
 
 def _given(dispersions: Dispersions) -> dict[str, Spreads]:
-    """Distribution of every quantity; those of an absent part are zero for certain."""
+    """Return the distribution of every quantity; that of an absent part is always 0."""
     given: dict[str, Spreads] = {}
     for name in FIELDS:
         group, _, key = name.rpartition(".")
@@ -360,10 +360,10 @@ def _given(dispersions: Dispersions) -> dict[str, Spreads]:
 
 
 def _check_starts(mission: Mission, dispersions: Dispersions) -> None:
-    """A start that is put off takes one knot more, if it does not begin at no thrust.
+    """Check that each start curve has room for the knot that a start delay may add.
 
     Raises:
-        DispersionsError: there is no room for it.
+        DispersionsError: a start curve is full.
     """
     if not any(spread.active for spread in dispersions.start_delay_s):
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vehicle simulator node: owns /clock and flies in lock-step with guidance."""
+"""Vehicle simulator node: own /clock and fly in lock-step with guidance."""
 
 import json
 import math
@@ -24,7 +24,7 @@ from ares_models.failures import read_failure
 from ares_models.mission import read_mission
 from ares_models.software import software
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import Level, Timing, pace_word, worth_saying
+from ares_node.diagnostics import Level, Timing, is_worth_reporting, pace_message
 from ares_node.identity import id_text, new_id
 from ares_node.key import FORGED
 from ares_node.membership import AGREED, FLIGHT_ID, MOST_HEARD, OPEN, Membership, Role, State
@@ -52,30 +52,30 @@ from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptio
 
 #: Slowest real-time factor.
 MIN_PACE = 1e-3
-#: Wall time in s between looks at the graph and at the clock.
+#: Period of the checks of graph and clock, wall time, s.
 WATCH_PERIOD = 0.02
-#: Wall time in s between words on the pace.
-PACE_WORD_PERIOD = 1.0
-#: Wall time in s between lines on what the start waits for.
+#: Period of the messages on the pace, wall time, s.
+PACE_PERIOD = 1.0
+#: Period of the lines on missing members before the start, wall time, s.
 WAITING_LINE_PERIOD = 10.0
-#: Wall time in s after which nobody counts as preparing any more.
+#: Longest preparation of a member, wall time, s.
 LONGEST_PREPARATION = 900.0
-#: Wall time in s that a paced flight makes up for; a longer gap is left as it is.
+#: Largest delay that a paced flight catches up, wall time, s; a longer gap stays.
 LONGEST_CATCH_UP = 0.5
-#: Wall time in s for the last messages to be acknowledged; a reader that was killed never does,
-#: and who ends this process waits 10 s (`ares fly`) or 5 s (launch) for it.
+#: Timeout for acknowledgement of the last messages, wall time, s. A killed reader never
+#: acknowledges, and `ares fly` waits 10 s, launch 5 s, for the end of this process.
 ACKNOWLEDGE_TIMEOUT = 3.0
-#: After this many answers in a row were lost, the flight goes on without waiting for more.
+#: Number of consecutive lost answers after which the flight does not wait for more.
 LINK_LOST_AFTER = 3
-#: Each further answer is waited for this much shorter than the one before.
+#: Ratio of the timeout of an answer to that of the one before, after losses.
 PATIENCE_RATIO = 0.2
-#: A plan is waited for in flight so many times as long as an answer.
+#: Timeout of a plan in flight, as a multiple of that of an answer.
 PLAN_PATIENCE = 10.0
-#: Wall time in s that a flight in real time leaves to messages between two steps at least.
+#: Least time for messages between two steps in real time, wall time, s.
 LEAST_DELAY = 1e-4
-#: Wall time in s between steps on a lost link: an answer can still come through.
+#: Period of the steps on a lost link, in which an answer can still arrive, wall time, s.
 LOST_LINK_PERIOD = 0.001
-#: What differs in its numbers only is reported at most once in this flight time, s.
+#: Least flight time between reports that differ only in numbers, s.
 REPORT_PERIOD = 10.0
 
 PARAMETERS = (
@@ -176,7 +176,7 @@ PARAMETERS = (
 
 
 def _why_no_pace(pace: float) -> str:
-    """Why the parameter cannot be so, one line; empty if it can."""
+    """Return the reason to refuse a pace, one line, or ""."""
     if 0.0 < pace < MIN_PACE:
         return f"parameter pace is {pace!r}; expected 0, or {MIN_PACE:g} up"
     return ""
@@ -190,13 +190,13 @@ def _check_pace(parameters: list[RosParameter]) -> SetParametersResult:
 
 @dataclass
 class Deadlines:
-    """Count how a flight in real time keeps its time: a state is due when its period begins.
+    """Count the deadlines of a flight in real time; a state is due when its period begins.
 
     Attributes:
-        states: navigation states that went out.
-        missed: those that went out after the next was due.
-        latest_s: wall time by which the latest went out after it was due, s.
-        age_ns: flight time since the state that the oldest command in force answered, ns.
+        states: published navigation states.
+        missed: states published after the next was due.
+        latest_s: largest delay of a state, wall time, s.
+        age_ns: largest age of a command in force, flight time, ns.
     """
 
     states: int = 0
@@ -205,18 +205,18 @@ class Deadlines:
     age_ns: int = 0
 
     def count(self, late_s: float, period_s: float) -> None:
-        """Count a state by what is gone of its period when it is out; wall time in s.
+        """Count a published state; times are wall time, s.
 
         Args:
-            late_s: since the next state was due; negative before.
-            period_s: between two states.
+            late_s: time since the next state was due; negative before.
+            period_s: time between two states.
         """
         self.states += 1
         self.missed += late_s > 0.0
         self.latest_s = max(self.latest_s, late_s + period_s)
 
     def __str__(self) -> str:
-        """One line for a person."""
+        """Format the counts in one line."""
         return (
             f"real time: {self.missed} of {self.states} deadlines missed, the latest state "
             f"{1e3 * self.latest_s:.1f} ms after it was due; commands up to "
@@ -225,12 +225,12 @@ class Deadlines:
 
 
 class VehicleSimNode(FlightNode):
-    """Publishes navigation state, truth, events and the clock; flies the commands.
+    """Publish navigation state, truth, events and the clock; fly the commands.
 
-    The flight starts when a guidance and the expected recorders and judges have agreed on it
-    (see FlightMember). Where guidance has to plan first, the count is held: it gets the first
-    navigation state, and nothing else happens until it has its plan. Each navigation state waits
-    for the command that answers it, then the vehicle moves on; in real time it waits for none.
+    The flight starts when a guidance and the expected recorders and judges have agreed on it (see
+    FlightMember). If guidance has to plan first, the count is held: guidance gets the first
+    navigation state, and the clock stands until it has its plan. After each navigation state the
+    node waits for the command that answers it, except in real time.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -268,8 +268,8 @@ class VehicleSimNode(FlightNode):
             )
             failed.callback(self._membership.close)
             flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
-            self._membership.tell_settings(json.dumps({"software": software()} | flown | texts))
-            # one step of a flight that nobody sees: the plant is compiled before guidance waits
+            self._membership.announce_settings(json.dumps({"software": software()} | flown | texts))
+            # compile the plant now, by one step of a private flight
             rehearsal = Simulator(*flight)
             rehearsal.advance()
             rehearsal.truth()
@@ -289,7 +289,7 @@ class VehicleSimNode(FlightNode):
         self._events_in = self.create_subscription(
             FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS
         )
-        self._events_said: set[bytes] = set()
+        self._published_events: set[bytes] = set()
         self._forged = 0
         self._accepted: ThrustCommand | None = None
         self._answered_ns = -1
@@ -309,14 +309,14 @@ class VehicleSimNode(FlightNode):
         self._refused = 0
         self._held = False
         self._paced: Timer | None = None
-        self._pace_word_at = -math.inf
+        self._pace_published_at = -math.inf
         self._lost_in_a_row = 0
         self._last_report: dict[str, int] = {}
-        self._told: set[int] = set()
+        self._warned: set[int] = set()
         self._membership.listen(self._on_member)
 
     def activate(self) -> None:
-        """Begin to wait for the other nodes; the flight follows."""
+        """Wait for the other nodes, then fly."""
         if self._flying or self.simulator.complete:
             over = "is over" if self.simulator.complete else "was stopped and cannot go on"
             raise NodeError(
@@ -327,7 +327,7 @@ class VehicleSimNode(FlightNode):
         self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
 
     def deactivate(self) -> None:
-        """Stop; a flight under way cannot be taken up again."""
+        """Stop; a flight that has begun cannot be resumed."""
         self.destroy_timer(self._watch)
         self._stop_pacing()
         self._waiting = self._held = self._counting = False
@@ -343,7 +343,7 @@ class VehicleSimNode(FlightNode):
         self._simulator = None
 
     def adjust(self) -> None:
-        """Fly on at another pace, from now on: nothing is made up for."""
+        """Continue at the new pace from now on, without catching up."""
         self._say_pace()
         if not self._flying:
             return
@@ -354,7 +354,7 @@ class VehicleSimNode(FlightNode):
             self._step()
 
     def drain(self, executor: Executor) -> None:
-        """Let the others get the last messages."""
+        """Wait until the others have received the last messages."""
         if self._simulator is not None:
             deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
             for publisher in (self._nav_out, self._truth_out, self._event_out):
@@ -364,15 +364,15 @@ class VehicleSimNode(FlightNode):
 
     @property
     def simulator(self) -> Simulator:
-        """The flight; there is one from `configure` to `cleanup`."""
+        """Return the flight, which exists from `configure` to `cleanup`."""
         if self._simulator is None:
             raise NodeError("not configured")
         return self._simulator
 
-    # ---- the others
+    # ---- other members
 
     def _on_member(self, member: FlightMember) -> None:
-        """Somebody has spoken: give the flight to the first guidance, tell every other one."""
+        """Handle a member's message: give the flight to the first guidance, report others."""
         if self.done:
             return
         if member.role == Role.VEHICLE_SIM:
@@ -384,21 +384,23 @@ class VehicleSimNode(FlightNode):
         if member.state not in (State.PRESENT, State.READY, State.FLYING):
             return
         if self.simulator.complete:
-            # what comes after the flight is no rival
+            # a simulator after the end of the flight is no conflict
             return
         ours = member.flight_id == self.flight_id
         given = bool(self.values["flight_id"]) and not ours
         taken = (State.READY, State.FLYING)
         if self._membership.state in taken or given:
-            self._tell(member, f"another simulator, {member.node}: it has no part in this flight")
+            self._warn_about(
+                member, f"another simulator, {member.node}: it has no part in this flight"
+            )
         elif member.state in taken or member.member_id < self._membership.member_id:
-            # of two that wait for the same one goes on
+            # of two waiting simulators only one continues
             self._give_up(f"another simulator already publishes {self._nav_out.topic_name}")
 
     def _on_guidance(self, member: FlightMember) -> None:
         mine = self._membership
         if member.mission not in ("", self._mission_name):
-            self._tell(
+            self._warn_about(
                 member,
                 f"{member.node} guides mission {member.mission}, this is {self._mission_name}: "
                 "it has no part in this flight",
@@ -414,13 +416,13 @@ class VehicleSimNode(FlightNode):
                 self._on_guidance_agreed(member)
         elif member.state == State.PRESENT:
             if mine.guidance_id:
-                self._tell(
+                self._warn_about(
                     member, f"a second guidance, {member.node}: it has no part in this flight"
                 )
             self._choose_guidance()
 
     def _choose_guidance(self) -> None:
-        """Accept a guidance where there is none, or where the present one is lost in flight."""
+        """Accept a guidance if there is none, or if the present one is lost in flight."""
         mine = self._membership
         if mine.guidance_id and not self._link_lost:
             return
@@ -433,7 +435,7 @@ class VehicleSimNode(FlightNode):
                 return
 
     def _on_guidance_gone(self) -> None:
-        """Nobody answers; a flight that keeps no pace waits a while for one who takes over."""
+        """Handle the loss of guidance; a flight without pace waits a while for a successor."""
         self._membership.say(self._membership.state, guidance_id=0)
         if self._flying:
             self._note_loss()
@@ -443,7 +445,7 @@ class VehicleSimNode(FlightNode):
         self._choose_guidance()
 
     def _on_guidance_agreed(self, member: FlightMember) -> None:
-        """Who guides is there, with a plan or to make one."""
+        """Handle the agreement of the accepted guidance, READY or PLANNING."""
         planning = member.state == State.PLANNING
         self._planning_since = time.monotonic() if planning else -math.inf
         if self._counting and not planning:
@@ -452,29 +454,29 @@ class VehicleSimNode(FlightNode):
             self._successor = 0
             self._on_successor()
         elif self._waiting and not planning:
-            # its answer is on the way
+            # guidance is about to answer
             self._answer_deadline = time.monotonic() + self._patience
 
     def _waits_for_plan(self, now: float) -> bool:
-        """Whether guidance, restarted, plans and a flight that keeps no pace waits for it."""
+        """Return whether a flight without pace waits for the plan of a restarted guidance."""
         patience = PLAN_PATIENCE * self.values["command_timeout_s"]
         return now - self._planning_since < patience and self.values["pace"] == 0.0
 
     def _on_successor(self) -> None:
-        """Who takes over hears us: its answers are waited for, from the next state on."""
+        """Wait for the answers of a new guidance, from the next state on."""
         self._regain_link(0)
         if self._waiting:
-            # it has not heard of this one
+            # it has not received the present state
             self._waiting = False
             self._step()
 
-    def _tell(self, member: FlightMember, text: str) -> None:
-        """Report something about another node, once."""
-        if member.member_id not in self._told and len(self._told) < MOST_HEARD:
-            self._told.add(int(member.member_id))
+    def _warn_about(self, member: FlightMember, text: str) -> None:
+        """Report a warning about another node once."""
+        if member.member_id not in self._warned and len(self._warned) < MOST_HEARD:
+            self._warned.add(int(member.member_id))
             self.diagnostics.report(Level.WARN, text, self.simulator.time_ns)
 
-    # ---- the wall clock: start, pace, lost answers
+    # ---- wall clock: start, pace, lost answers
 
     def _on_watch(self) -> None:
         now = time.monotonic()
@@ -485,7 +487,7 @@ class VehicleSimNode(FlightNode):
             if not self.simulator.complete:
                 self._try_to_start(now)
             return
-        if now - self._pace_word_at > PACE_WORD_PERIOD:
+        if now - self._pace_published_at > PACE_PERIOD:
             self._say_pace()
         if self._waiting and now >= self._answer_deadline and not self._waits_for_plan(now):
             self._waiting = False
@@ -493,7 +495,10 @@ class VehicleSimNode(FlightNode):
             self._step()
 
     def _on_no_answer(self) -> None:
-        """Who guides gets less patience each time, and in the end none; if nobody does, at once."""
+        """Shorten the timeout after a lost answer, and lose the link after several.
+
+        Without a guidance the link is lost at once.
+        """
         if not self._membership.guidance_id:
             self._lose_link("guidance has left")
             return
@@ -512,13 +517,13 @@ class VehicleSimNode(FlightNode):
             self._step()
 
     def _note_loss(self) -> None:
-        """Say when guidance was lost; the event of its return is said with its next answer."""
+        """Publish the loss of guidance once; its next answer publishes the return."""
         if not self._unguided:
             self._unguided = True
             self._node_event(GUIDANCE_LOST)
 
     def _lose_link(self, reason: str) -> None:
-        """Fly on without waiting for answers; one can still come through."""
+        """Continue without waiting for answers; one can still arrive."""
         self._report(Level.ERROR, f"{reason}: flying on without guidance")
         self._link_lost = True
         self._listen_from = self.simulator.sequence + self._deafness
@@ -527,7 +532,7 @@ class VehicleSimNode(FlightNode):
         self._choose_guidance()
 
     def _regain_link(self, lost_in_a_row: int) -> None:
-        """Wait for answers again, as if so many had been lost."""
+        """Wait for answers again, with ``lost_in_a_row`` of them counted as lost."""
         self._lost_in_a_row = lost_in_a_row
         if self._link_lost:
             self._link_lost = False
@@ -539,7 +544,7 @@ class VehicleSimNode(FlightNode):
         waited = now - self._activated_at
         preparing = self._membership.preparing(role) and waited < LONGEST_PREPARATION
         if preparing:
-            # who has just prepared needs a moment to agree
+            # a member that has just prepared needs time to agree
             self._patient_since = now
         if not missing:
             self._start()
@@ -551,7 +556,7 @@ class VehicleSimNode(FlightNode):
             self.get_logger().info(f"waiting for {missing}{why}")
 
     def _missing(self) -> tuple[str, Role]:
-        """What the start waits for, in words and as a role; an empty text if nothing."""
+        """Return the missing member as a text and a role; an empty text if none is missing."""
         mine = self._membership
 
         def ready(role: Role) -> list[int]:
@@ -571,7 +576,7 @@ class VehicleSimNode(FlightNode):
         return "", Role.GUIDANCE
 
     def _hold_count(self, now: float) -> None:
-        """Wait for the plan, not for ever."""
+        """Hold the count for the plan until `start_timeout_s`."""
         waited = now - self._planning_since
         if waited > self.values["start_timeout_s"]:
             self._give_up(f"not flown: guidance has no plan after {waited:.0f} s")
@@ -592,7 +597,7 @@ class VehicleSimNode(FlightNode):
     # ---- the flight
 
     def _start(self) -> None:
-        """Begin the flight, or the count that is held until guidance has its plan."""
+        """Begin the flight, or hold the count until guidance has its plan."""
         if self._planning_since > -math.inf:
             self._counting = True
             self._membership.say(State.READY)
@@ -608,7 +613,7 @@ class VehicleSimNode(FlightNode):
         self._begin_pace()
 
     def _lift_off(self) -> None:
-        """End the count: guidance, which has its plan, answers the first state."""
+        """End the count: guidance has its plan and answers the first state."""
         self._counting = False
         self._planning_since = -math.inf
         self._begin()
@@ -617,7 +622,7 @@ class VehicleSimNode(FlightNode):
 
     @property
     def _head(self) -> tuple[int, int, int]:
-        """What a message of a state begins with."""
+        """Return stamp in ns, flight_id and sequence of a state message."""
         return self.simulator.time_ns, self._membership.flight_id, self.simulator.sequence
 
     def _publish(self) -> None:
@@ -634,11 +639,11 @@ class VehicleSimNode(FlightNode):
 
     @property
     def _real_time(self) -> bool:
-        """Tell whether the vehicle waits for nobody."""
+        """Return whether the vehicle flies in real time, without waiting for answers."""
         return self._oldest_ns > 0 and self.values["pace"] > 0.0
 
     def _fly_on(self) -> None:
-        """In real time: go on by the newest command, however old it is."""
+        """Continue in real time by the newest command, however old it is."""
         age = self.simulator.time_ns - self._answered_ns
         self._deadlines.age_ns = max(self._deadlines.age_ns, age)
         if age > self._oldest_ns and not self._link_lost:
@@ -657,13 +662,13 @@ class VehicleSimNode(FlightNode):
         self._answer_deadline = time.monotonic() + self._patience
 
     def _publish_truth(self) -> None:
-        """Publish the true state, the clock, and what has happened up to now."""
+        """Publish the true state, the clock, and the events up to now."""
         simulator = self.simulator
         head = self._head
         self._clock_out.publish(clock_data(head[0]))
         self._truth_out.publish(self._truth_message.data(*head, simulator.truth()))
         if simulator.complete and simulator.escaped:
-            # before the event of the end: who judges hears no more after it
+            # before the final event: the judge ignores later reports
             self._report(Level.WARN, simulator.escaped)
         if simulator.complete and self._real_time:
             level = Level.WARN if self._deadlines.missed else Level.OK
@@ -672,19 +677,19 @@ class VehicleSimNode(FlightNode):
             self._say_event(self._event_message(event))
 
     def _say_event(self, event: FlightEvent) -> None:
-        self._events_said.add(canonical(event))
+        self._published_events.add(canonical(event))
         self._membership.seals.seal(event)
         self._event_out.publish(event)
 
     def _on_event(self, event: FlightEvent) -> None:
-        """Contradict what somebody else says in the name of this flight."""
-        if event.flight_id == self.flight_id and canonical(event) not in self._events_said:
+        """Report a forged event of this flight."""
+        if event.flight_id == self.flight_id and canonical(event) not in self._published_events:
             self._note_forged(f"an event of type {event.type} at {event.time:.9g} s")
 
     def _note_forged(self, what: str) -> None:
-        """Count what only somebody else can have said; say so at the first, and every tenfold."""
+        """Count a forged message; report the first and every tenfold."""
         self._forged += 1
-        if worth_saying(self._forged):
+        if is_worth_reporting(self._forged):
             now = self.simulator.time_ns
             text = f"{FORGED}{what} ({self._forged} so far)"
             self.diagnostics.report(Level.ERROR, text, now)
@@ -695,7 +700,7 @@ class VehicleSimNode(FlightNode):
             return
         if not (self._flying or self._counting) or self.simulator.complete:
             return
-        # while nobody guides, the identity of no guidance is nobody's
+        # without a guidance no identity, not even 0, is accepted
         if message.guidance_id != self._membership.guidance_id or not message.guidance_id:
             self._refuse(f"of a guidance without part, {id_text(message.guidance_id)}")
             return
@@ -711,7 +716,7 @@ class VehicleSimNode(FlightNode):
             self._on_late_answer()
             return
         if self._counting:
-            # the word that there is a plan is under way
+            # the announcement of the plan is still to come
             self._lift_off()
         if not self._unanswered and answered == self._answered_ns:
             if self._accepted and canonical(message) != canonical(self._accepted):
@@ -719,7 +724,7 @@ class VehicleSimNode(FlightNode):
             self._refuse("this navigation state has its answer")
             return
         if self._real_time and self._accepted is None:
-            # the time that the first answer takes is before the flight
+            # the time of the first answer does not count as flight
             self._begin_pace()
         self._unanswered = False
         self._answered_ns = answered
@@ -738,7 +743,7 @@ class VehicleSimNode(FlightNode):
             self._step()
 
     def _obey(self, message: ThrustCommand) -> None:
-        """Fly by a command from the present state on."""
+        """Put a command in force from the present state on."""
         steering = self._steering
         for name in ("reference_time", "direction", "direction_rate", "cutoff_time"):
             steering[name] = getattr(message, name)
@@ -752,27 +757,27 @@ class VehicleSimNode(FlightNode):
             self._refuse(f"{error}; flying on with the last good one")
 
     def _on_late_answer(self) -> None:
-        """On a lost link a sign of life: wait for the next answer; seldom, if that is in vain."""
+        """Wait for the next answer after a late one on a lost link, ever more rarely."""
         if self._link_lost and self.simulator.sequence >= self._listen_from:
             self._deafness = 2 * self._deafness + 1
             self._regain_link(LINK_LOST_AFTER - 1)
 
     def _refuse(self, reason: str) -> None:
-        """Say why a command is not flown, and how many were not so far."""
+        """Report a refused command, its reason and the count."""
         self._refused += 1
         self._report(Level.WARN, f"command refused: {reason}", {"commands_refused": self._refused})
 
     def _begin_pace(self) -> None:
-        """What the pace is counted from: wall clock and flight time now."""
+        """Set the reference of the pace to wall clock and flight time now."""
         self._started_at = time.monotonic()
         self._start_ns = self.simulator.time_ns
 
     def _say_pace(self) -> None:
-        """Tell pages the pace, and the judge that a flight which pauses is not stuck."""
-        self._pace_word_at = time.monotonic()
+        """Publish pace and pause for pages, and for the judge, to tell a pause from a hang."""
+        self._pace_published_at = time.monotonic()
         values = self.values
-        word = pace_word(self, self.flight_id, values["pace"], values["paused"])
-        self._timing_out.publish(word)
+        message = pace_message(self, self.flight_id, values["pace"], values["paused"])
+        self._timing_out.publish(message)
 
     def _step(self) -> None:
         if self.values["paused"]:
@@ -793,7 +798,7 @@ class VehicleSimNode(FlightNode):
             self._refuse(f"{error}; withheld")
         self.simulator.advance()
         if self._arrived is not None:
-            # what came within the period acts from its end on
+            # a command that arrived within the period takes effect at its end
             message, self._arrived = self._arrived, None
             self._obey(message)
         self._publish()
@@ -817,7 +822,7 @@ class VehicleSimNode(FlightNode):
         if self._real_time:
             self._deadlines.count(-left, self.values["navigation_period_s"] / pace)
         if left < -LONGEST_CATCH_UP:
-            # what was missed is not flown in a rush
+            # a long gap is not caught up
             self._started_at -= left
             self._report(Level.WARN, f"behind its pace by {-left:.1f} s: not made up for")
             return 0.0
@@ -844,7 +849,7 @@ class VehicleSimNode(FlightNode):
         )
 
     def _node_event(self, kind: int) -> None:
-        """Publish an event that the plant knows nothing of, at the present state."""
+        """Publish an event of the node at the present state."""
         truth = self.simulator.truth()
         event = {name: truth[name] for name in ("position", "velocity", "mass", "heating_rate")}
         now = self.simulator.time_ns / NANOSECONDS

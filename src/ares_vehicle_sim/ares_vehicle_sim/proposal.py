@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dispersions that fit a vehicle, proposed from its mission alone.
+"""Proposed dispersions of a vehicle, from its mission alone.
 
-The rules, and what came of them, are in ``docs/montecarlo.md``.
+``docs/montecarlo.md`` explains the rules and their results.
 """
 
 from collections.abc import Iterator
@@ -12,15 +12,15 @@ import numpy as np
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
 
-#: Of the speed over the ground, flown without guidance so far.
+#: One sigma as a fraction of the speed over the ground, after an open-loop ascent.
 SPEED_SHARE = 0.005
-#: Of the altitude at the start.
+#: One sigma as a fraction of the initial altitude.
 ALTITUDE_SHARE = 0.01
-#: Of speed and radius, where the flight begins in an orbit that guidance has flown to.
+#: One sigma as a fraction of speed and radius, for a start in orbit after guided flight.
 ORBIT_SHARE = 1e-4
 THRUST = 0.005
 SPECIFIC_IMPULSE = 0.001
-#: Of what a stage weighs without propellant, with what it carries if it is the last.
+#: One sigma as a fraction of a stage's dry mass; the last stage includes the payload.
 DRY_MASS = 0.0025
 PROPELLANT = 0.001
 JETTISON_MASS = 0.01
@@ -29,12 +29,12 @@ LOG_DENSITY = 0.3
 
 @dataclass(frozen=True)
 class Proposed:
-    """One quantity.
+    """Hold the proposed dispersion of a quantity.
 
     Attributes:
         key: of the dispersions file.
-        value: what it says.
-        reason: of the value, for a person.
+        value: of the key.
+        reason: for the value, a comment in the file.
     """
 
     key: str
@@ -43,10 +43,10 @@ class Proposed:
 
 
 def propose(mission: Mission) -> Iterator[Proposed]:
-    """Dispersions by the rules, in the order of the file.
+    """Propose dispersions by the rules, in the order of the file.
 
     Args:
-        mission: what is dispersed.
+        mission: the mission.
     """
     yield from _start(mission)
     yield Proposed("thrust", THRUST, "one sigma per stage: 1.5 % is three")
@@ -63,7 +63,7 @@ def propose(mission: Mission) -> Iterator[Proposed]:
 
 
 def _dry_shares(mission: Mission) -> Iterator[float]:
-    """What is no propellant of each stage's own mass, its jettisons left out."""
+    """Return the dry fraction of each stage's own mass without its jettisons."""
     for i in range(len(mission.stages)):
         after = mission.ignition_mass(i + 1) if i + 1 < len(mission.stages) else 0.0
         own = mission.ignition_mass(i) - mission.jettison_mass(i) - after
@@ -71,7 +71,7 @@ def _dry_shares(mission: Mission) -> Iterator[float]:
 
 
 def _start(mission: Mission) -> Iterator[Proposed]:
-    """Where the flight begins: in orbit as well as guidance flies, else as open loop does."""
+    """Propose the errors of the initial state, small in orbit, larger after open-loop flight."""
     start = mission.start()
     earth = mission.earth()
     radius = float(np.linalg.norm(start.position))
@@ -103,7 +103,7 @@ def _start(mission: Mission) -> Iterator[Proposed]:
 
 
 def _in_orbit(mission: Mission) -> bool:
-    """Whether the start's own orbit stays above the ground, or escapes."""
+    """Return whether the initial orbit stays above the ground, or escapes."""
     start = mission.start()
     orbit = Elements.from_state(start.position, start.velocity, mission.environment.mu_m3_s2)
     perigee = orbit.semi_major_axis * (1.0 - orbit.eccentricity)
@@ -111,5 +111,5 @@ def _in_orbit(mission: Mission) -> bool:
 
 
 def _two_digits(value: float) -> float:
-    """Rounded to what a proposal is worth."""
+    """Round to two significant digits."""
     return float(f"{value:.2g}")

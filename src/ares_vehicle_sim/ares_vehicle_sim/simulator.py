@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vehicle as an object: commands in, navigation states and events out. No ROS."""
+"""Simulator of a flight: commands in, navigation states and events out. No ROS."""
 
 import math
 from dataclasses import dataclass
@@ -36,9 +36,9 @@ from ares_vehicle_sim.kernels.variation import vary
 #: Fields of a navigation state without its time.
 MEASURED_FIELDS = tuple(name for name in NAVIGATION.fields or () if name != "time")
 SHORTEST_PERIOD_S = 1e-3
-#: A jettison that waits for the heating to fall is refused where the vehicle measures more than so
-#: many times the limit at the navigation state before it. Guidance that times it by its model may
-#: be a little early: in standard dispersed flights at most 1.05 times, a state each second.
+#: Largest measured heating, over the limit, at the last navigation state before a heating jettison;
+#: a hotter one is refused. A jettison timed by the on-board model may be early: by a factor of at
+#: most 1.05 in standard dispersed flights with a state each second.
 MOST_HEATING = 2.0
 
 FAILURE_CODES = {
@@ -51,23 +51,23 @@ FAILURE_CODES = {
 }
 FAILURE_KINDS = {code: kind for kind, code in FAILURE_CODES.items()}
 
-#: Largest numbers of a command, s and 1/s: beyond any flight, and their product is a number.
+#: Largest time, s, and rate, 1/s, of a command: beyond any flight, without overflow.
 MOST_TIME = 1e9
 MOST_RATE = 1e3
 
 
 class CommandRefused(ValueError):
-    """A steering command cannot be flown; the text is one line that says why."""
+    """Report a command that cannot be flown; the text is the reason in one line."""
 
 
 @dataclass(frozen=True)
 class SimulatorOptions:
-    """How the plant is stepped.
+    """Hold the time steps and the attitude rate limit of the plant.
 
     Attributes:
         navigation_period_s: time between navigation states.
         integration_step_s: longest Runge-Kutta step.
-        attitude_rate_limit_rad_s: inf lets the thrust follow the command at once.
+        attitude_rate_limit_rad_s: with inf the thrust follows the command immediately.
     """
 
     navigation_period_s: float = 0.1
@@ -86,7 +86,7 @@ class SimulatorOptions:
                 raise ValueError(f"{name} is {value}; expected at least {SHORTEST_PERIOD_S:g} s")
 
     def record(self) -> NDArray[np.void]:
-        """The options as the plant's kernel reads them, shape (1,), dtype OPTIONS."""
+        """Return the options for the kernels, shape (1,), dtype OPTIONS."""
         record = np.zeros(1, OPTIONS)
         record["max_step"] = self.integration_step_s
         record["attitude_rate_limit"] = self.attitude_rate_limit_rad_s
@@ -94,13 +94,13 @@ class SimulatorOptions:
         return record
 
 
-#: How campaigns fly, and a flight of theirs that is flown again alone. Steps of 1 s end within
-#: 1e-5 kg of steps of 0.1 s.
+#: Options of campaigns and of their flights flown again alone. With steps of 1 s the final mass is
+#: within 1e-5 kg of that with 0.1 s.
 CAMPAIGN = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
 
 
 def nominal_truth(mission: Mission, dispersions: Dispersions) -> MissionArrays:
-    """The mission with the gravity field of the truth, before anything is drawn."""
+    """Compile the mission with the true gravity field, before the draws."""
     arrays = mission.arrays()
     if dispersions.j2 is not None:
         arrays.environment["j2"] = dispersions.j2
@@ -108,7 +108,7 @@ def nominal_truth(mission: Mission, dispersions: Dispersions) -> MissionArrays:
 
 
 def room_for_truth(nominal: MissionArrays, atmosphere: NDArray[np.float64]) -> MissionArrays:
-    """Arrays for the mission of one flight, to be filled by `kernels.variation.vary`."""
+    """Allocate the mission arrays of one flight, for `kernels.variation.vary` to fill."""
     return nominal._replace(
         environment=nominal.environment.copy(),
         atmosphere=atmosphere,
@@ -118,7 +118,7 @@ def room_for_truth(nominal: MissionArrays, atmosphere: NDArray[np.float64]) -> M
 
 
 def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> VehicleArrays:
-    """The vehicle at the mission's initial state, before anything is drawn."""
+    """Return the vehicle at the mission's initial state, before the draws."""
     start = mission.start()
     vehicle = blank_vehicle(options.record())
     vehicle.plant["time"] = start.time_s
@@ -128,7 +128,7 @@ def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> VehicleArray
 
 
 def failure_record(failure: Failure) -> NDArray[Any]:
-    """A failure before it happens, shape (1,), dtype FAILURE."""
+    """Compile a failure that has not happened yet, shape (1,), dtype FAILURE."""
     record = np.zeros(1, FAILURE)
     record["kind"] = FAILURE_CODES[failure.kind]
     record["time"] = failure.time_s if math.isfinite(failure.time_s) else math.inf
@@ -148,19 +148,19 @@ def true_vehicle(
     flight: int = 0,
     failure: Failure | None = None,
 ) -> tuple[MissionArrays, VehicleArrays]:
-    """Draw the mission and the vehicle of one flight, at the begin of it.
+    """Draw the true mission and the vehicle of one flight, at its start.
 
     Args:
-        mission: what is flown.
-        options: how the plant is stepped.
-        dispersions: how the truth differs.
+        mission: the mission.
+        options: time steps of the plant.
+        dispersions: of the truth.
         seed: master seed.
-        flight: number of the flight among those of the seed.
-        failure: what fails; None: nothing does.
+        flight: number of the flight within the seed.
+        failure: of the flight, or None.
 
     Raises:
         DispersionsError: the dispersions do not fit the mission; one line.
-        FailureError: nor does the failure; one line.
+        FailureError: the failure does not fit the mission; one line.
     """
     draws = Sampler(mission, dispersions, seed).draw(flight, 1)
     nominal = nominal_truth(mission, dispersions)
@@ -175,7 +175,7 @@ def true_vehicle(
 
 
 class Simulator:
-    """One flight of one vehicle, stepped from navigation state to navigation state."""
+    """Fly one flight, stepped from navigation state to navigation state."""
 
     def __init__(
         self,
@@ -189,16 +189,16 @@ class Simulator:
         """Put the vehicle at the mission's initial state.
 
         Args:
-            mission: what is flown.
-            options: how it is stepped.
-            dispersions: how the truth differs; None flies the mission file exactly.
-            seed: master seed of what is drawn.
-            flight: number of the flight among those of the seed.
-            failure: what fails; None: nothing does.
+            mission: the mission.
+            options: time steps of the plant.
+            dispersions: of the truth; None flies the mission file exactly.
+            seed: master seed of the draws.
+            flight: number of the flight within the seed.
+            failure: of the flight, or None.
 
         Raises:
             DispersionsError: the dispersions do not fit the mission; one line.
-            FailureError: nor does the failure; one line.
+            FailureError: the failure does not fit the mission; one line.
         """
         options = options or SimulatorOptions()
         self._mission, self._vehicle = true_vehicle(
@@ -218,27 +218,27 @@ class Simulator:
 
     @property
     def plant(self) -> Any:
-        """The true state, record PLANT; read only by custom."""
+        """Return the true state, record PLANT; callers only read it."""
         return self._vehicle.plant[0]
 
     @property
     def navigation(self) -> Any:
-        """The present navigation state, record NAVIGATION."""
+        """Return the present navigation state, record NAVIGATION."""
         return self._vehicle.navigation[0]
 
     @property
     def measured(self) -> Any:
-        """The present navigation state in the words of NavState."""
+        """Return the present navigation state in the fields of NavState."""
         return self._measured[0]
 
     @property
     def sequence(self) -> int:
-        """Number of the present navigation state, from 0."""
+        """Return the number of the present navigation state, from 0."""
         return self._tick
 
     @property
     def time_ns(self) -> int:
-        """Mission elapsed time of the present state, in whole nanoseconds."""
+        """Return the mission elapsed time of the present state, ns."""
         plant = self.plant
         if plant["complete"]:
             return round(float(plant["time"]) * NANOSECONDS)
@@ -246,17 +246,17 @@ class Simulator:
 
     @property
     def complete(self) -> bool:
-        """The flight is over."""
+        """Return whether the flight is over."""
         return bool(self.plant["complete"])
 
     @property
     def ended_well(self) -> bool:
-        """The flight is over, and by a cut-off command."""
+        """Return whether the flight has ended by a cut-off command."""
         return self.complete and bool(self.plant["inserted"])
 
     @property
     def escaped(self) -> str:
-        """Why the failure that was asked for has not happened, one line; empty if it has."""
+        """Return the reason why the requested failure did not happen, one line, or ""."""
         failure = self.plant["failure"]
         if failure["kind"] == NO_FAILURE or failure["struck"] == STRUCK:
             return ""
@@ -266,13 +266,13 @@ class Simulator:
         return f"failure {kind}: {why}, nothing failed"
 
     def command(self, steering: NDArray[np.void]) -> None:
-        """Put a command in force.
+        """Accept a command.
 
         Args:
             steering: shape (1,), dtype STEERING.
 
         Raises:
-            CommandRefused: the command cannot be flown; the last good one stays.
+            CommandRefused: the command cannot be flown; the last good one stays in force.
         """
         too_much = _beyond(steering[0])
         if too_much:
@@ -289,10 +289,10 @@ class Simulator:
             raise CommandRefused(_complaint(steering[0], len(self._mission.jettisons)))
 
     def withhold_jettison(self) -> None:
-        """Forget a jettison that is due before the next navigation state, and too early.
+        """Cancel a jettison that is due before the next navigation state while it is too hot.
 
         Raises:
-            CommandRefused: one was forgotten.
+            CommandRefused: a jettison was cancelled.
         """
         for jettison in self._hottest:
             due = self.plant["jettison_time"]
@@ -303,10 +303,10 @@ class Simulator:
                 raise
 
     def _check_heating(self, jettison: int, due: float) -> None:
-        """See that a jettison (index; time in s) before the next navigation state is not too hot.
+        """Check the heating at a jettison (index; time, s) before the next navigation state.
 
         Raises:
-            CommandRefused: it is.
+            CommandRefused: it is too hot.
         """
         hottest = self._hottest.get(jettison, math.inf)
         heating = float(self.navigation["heating_rate"])
@@ -317,7 +317,7 @@ class Simulator:
             )
 
     def _time_at(self, tick: int) -> float:
-        """Mission elapsed time of a navigation state by its number, s."""
+        """Return the mission elapsed time of a navigation state by its number, s."""
         return (self._start_ns + tick * self._period_ns) / NANOSECONDS
 
     def advance(self) -> None:
@@ -326,7 +326,7 @@ class Simulator:
         advance(self._mission, self._vehicle, self._time_at(self._tick))
 
     def new_events(self) -> NDArray[np.void]:
-        """Events since the last call, dtype EVENT."""
+        """Return the events since the last call, dtype EVENT."""
         plant = self.plant
         count = int(plant["event_count"])
         if count == self._events_read:
@@ -336,15 +336,15 @@ class Simulator:
         return events
 
     def truth(self) -> Any:
-        """The true state in the words of VehicleState, record TRUTH."""
+        """Return the true state in the fields of VehicleState, record TRUTH."""
         describe(self._mission, self._vehicle)
         return self._vehicle.truth[0]
 
 
 def _beyond(command: Any) -> str:
-    """Which number of a command is too large to compute with; empty if none is."""
+    """Return the problem of a number that is too large to compute with, or ""."""
     time, rate = float(command["reference_time"]), command["direction_rate"].tolist()
-    # NaN is no finite number, which is another complaint
+    # NaN passes here: another check reports it
     if abs(time) > MOST_TIME:
         return f"reference_time is {time:g} s; expected {MOST_TIME:g} s at most"
     if max(map(abs, rate)) > MOST_RATE:
@@ -353,7 +353,7 @@ def _beyond(command: Any) -> str:
 
 
 def _complaint(command: Any, jettisons: int) -> str:
-    """Which field of an unsound command is wrong, its value, and what was expected."""
+    """Describe the wrong field of an invalid command, its value and the expected one."""
     for name in ("reference_time", "direction", "direction_rate"):
         if not np.all(np.isfinite(command[name])):
             value = np.array2string(np.asarray(command[name]), separator=", ")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dispersions file: what it may say, and one clear line when it is wrong."""
+"""The dispersions file: valid content, and one clear line for wrong content."""
 
 import math
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws: a stream for each quantity, a place in it for each flight, and what becomes of them."""
+"""Draws: a stream for each quantity, a place in it for each flight, and the drawn vehicles."""
 
 from importlib import resources
 

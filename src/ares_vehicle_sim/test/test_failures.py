@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What fails in the plant: the vehicle that is left, and nothing else."""
+"""Failures of the plant: the remaining vehicle, and no other change."""
 
 import math
 
@@ -24,7 +24,7 @@ STEPS = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
 
 
 def fly(name, failure=None, until=math.inf):
-    """The simulator after an unguided flight to a time or to its end."""
+    """Return the simulator after an unguided flight to a time or to its end."""
     simulator = Simulator(load_mission(name), STEPS, failure=failure)
     while not simulator.complete and simulator.plant["time"] < until:
         simulator.advance()
@@ -119,7 +119,7 @@ def test_a_stuck_throttle_passes_the_limit():
     (over,) = plant["events"][plant["events"]["type"] == OVER_LIMIT]
     assert arc["thrust"] / over["mass"] == pytest.approx(1.01 * arc["max_acceleration"])
     assert not times(free, OVER_LIMIT)
-    # so late that the engine stops before: said by nobody, since it did not come to pass
+    # so late that the engine stops before: no event, since the failure did not happen
     end = free.plant["time"]
     late = fly("space_shuttle_sts121", Failure(FailureKind.STUCK_THROTTLE, end - 0.1))
     assert times(late, FAILED) and not times(late, OVER_LIMIT)

@@ -13,7 +13,7 @@ COAST_ARC, BURN_ARC = 1, 2
 
 
 def craft(**bounds):
-    """A free coast from 150 s, a free burn, and a last one."""
+    """Return a vehicle with a free coast from 150 s, a free burn and a last burn."""
     vehicle = Craft(mu=0.0)
     arcs = vehicle.arcs
     arcs["duration"][1:3] = math.inf

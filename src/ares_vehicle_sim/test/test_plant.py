@@ -99,7 +99,7 @@ def test_a_solid_motor_burns_by_its_table(own_flow):
     arc["start_time"][0, :7] = times
     arc["start_fraction"][0, :7] = thrust
     arc["start_flow"][0, :7] = flow
-    # what the table takes, as a file gives it: rounded
+    # propellant of the table, rounded as in a file
     arc["propellant"] = round(float(arc["mass_flow"][0]) * float(np.trapezoid(flow, times)), 6)
     plant = vehicle.fly(220.0)
     first = 4000.0 * math.log(300e3 / (300e3 - 125e3))
@@ -227,8 +227,8 @@ def test_no_command_is_taken_while_one_is_under_way():
     vehicle.begin()
     vehicle.steering["direction"] = [0.0, 0.0, 1.0]
     assert command(vehicle.mission, vehicle.carried, vehicle.steering)
-    assert plant["coming"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
-    assert plant["coming_time"] == pytest.approx(50.25)
+    assert plant["pending"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
+    assert plant["pending_time"] == pytest.approx(50.25)
 
 
 def test_a_flight_that_does_not_end_is_ended():

@@ -22,7 +22,7 @@ def craft(limit, least=0.0):
 
 
 def flown(limit, least, span):
-    """Velocity gained and mass, stretch by stretch."""
+    """Return the velocity gained and the mass, regime by regime."""
     upper = min(MASS, VE * FLOW / limit)
     lower = least * VE * FLOW / limit
     full = min(span, (MASS - upper) / FLOW)

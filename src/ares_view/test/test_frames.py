@@ -11,7 +11,7 @@ SECOND = 1_000_000_000
 
 
 def rotated(vector, q):
-    """A vector in components of the parent, by the definition of the quaternion product."""
+    """Rotate a vector into the parent, by the definition of the quaternion product."""
     *axis, w = q
     axis = np.array(axis)
     return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)

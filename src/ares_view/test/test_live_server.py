@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the live page: who may come in, what is refused, who reads slowly."""
+"""The server of the live page: access, refused commands, slow readers."""
 
 import asyncio
 import json
@@ -12,7 +12,7 @@ from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 from ares_models.mission import load_mission
-from ares_view.live.address import AddressError, Door, free_port, listen
+from ares_view.live.address import Access, AddressError, free_port, listen
 from ares_view.live.server import MAX_COMMAND, LiveServer, read_command
 from ares_view.live.story import Story
 
@@ -34,7 +34,7 @@ def server(commands):
 
 
 def answer(url, **headers):
-    """Status and headers of a page."""
+    """Fetch a page; return the response."""
 
     async def get():
         request = HTTPRequest(url, headers=headers)
@@ -44,10 +44,10 @@ def answer(url, **headers):
 
 
 def told(server, *said, until="flight", **headers):
-    """What a page is told that says something, up to a message of some kind."""
+    """Send messages as a page; return those received up to one of kind `until`."""
 
     async def talk():
-        url = f"ws://{server.door.host}:{server.door.port}/socket{server.door.query}"
+        url = f"ws://{server.access.host}:{server.access.port}/socket{server.access.query}"
         page = await websocket_connect(HTTPRequest(url, headers=headers))
         for text in said:
             page.write_message(text)
@@ -61,7 +61,7 @@ def told(server, *said, until="flight", **headers):
 
 
 def test_the_page_loads_nothing_from_elsewhere(server):
-    page = answer(server.door.url)
+    page = answer(server.access.url)
     assert page.code == 200
     policy = page.headers["Content-Security-Policy"]
     assert "default-src 'none'" in policy
@@ -70,16 +70,16 @@ def test_the_page_loads_nothing_from_elsewhere(server):
     text = page.body.decode()
     assert "Waiting for a flight" in text
     assert len(text) < 300_000
-    assert b"plotly.js v" in answer(f"{server.door.url}plotly.js").body[:200]
+    assert b"plotly.js v" in answer(f"{server.access.url}plotly.js").body[:200]
 
 
 def test_a_name_that_was_made_to_point_here_is_refused(server):
-    port = server.door.port
+    port = server.access.port
     for name in (f"localhost:{port}", f"127.0.0.1:{port}", f"[::1]:{port}"):
-        assert answer(server.door.url, Host=name).code == 200
+        assert answer(server.access.url, Host=name).code == 200
     foreign = (f"evil.example:{port}", "127.0.0.1", f"127.0.0.1:{port + 1}", f"127.0.0.1.x:{port}")
     for name in foreign:
-        assert answer(server.door.url, Host=name).code == 403
+        assert answer(server.access.url, Host=name).code == 403
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
@@ -89,7 +89,7 @@ def test_a_foreign_page_cannot_read_along(server, origin):
 
 
 def test_our_own_page_can(server):
-    own = f"http://{LOOPBACK}:{server.door.port}"
+    own = f"http://{LOOPBACK}:{server.access.port}"
     assert told(server, Origin=own)[0]["kind"] == "flight"
 
 
@@ -97,19 +97,19 @@ def test_beyond_this_machine_a_token_is_needed():
     listener = listen("0.0.0.0", 0)
     server = LiveServer(listener, Story(), lambda *_: None)
     try:
-        door = server.door
-        assert len(door.token) >= 32
-        assert door.token in door.url
-        here = f"http://{LOOPBACK}:{door.port}"
+        access = server.access
+        assert len(access.token) >= 32
+        assert access.token in access.url
+        here = f"http://{LOOPBACK}:{access.port}"
         for path in ("/", "/plotly.js"):
-            assert answer(f"{here}{path}?token={door.token}").code == 200
-            for wrong in ("", "?token=", f"?token={door.token}x", "?token=%ff"):
+            assert answer(f"{here}{path}?token={access.token}").code == 200
+            for wrong in ("", "?token=", f"?token={access.token}x", "?token=%ff"):
                 assert answer(f"{here}{path}{wrong}").code in (400, 403)
-        page = answer(f"{here}/?token={door.token}").body.decode()
-        assert f"plotly.js?token={door.token}" in page
+        page = answer(f"{here}/?token={access.token}").body.decode()
+        assert f"plotly.js?token={access.token}" in page
 
         async def listen_in():
-            await websocket_connect(f"ws://{LOOPBACK}:{door.port}/socket")
+            await websocket_connect(f"ws://{LOOPBACK}:{access.port}/socket")
 
         with pytest.raises(HTTPClientError, match="403"):
             asyncio.run(listen_in())
@@ -120,7 +120,7 @@ def test_beyond_this_machine_a_token_is_needed():
 def test_this_machine_needs_no_token():
     for host in (LOOPBACK, "localhost"):
         with listen(host, 0) as listener:
-            assert Door.of(listener).token == ""
+            assert Access.of(listener).token == ""
 
 
 def test_an_address_that_cannot_be_had():
@@ -181,7 +181,7 @@ def test_what_is_no_command_is_refused_in_one_line(text, server, commands):
 
 def test_a_long_command_ends_the_page_that_sent_it(server, commands):
     async def talk():
-        url = f"ws://{LOOPBACK}:{server.door.port}/socket"
+        url = f"ws://{LOOPBACK}:{server.access.port}/socket"
         page = await websocket_connect(url)
         page.write_message("x" * (MAX_COMMAND + 1))
         while await page.read_message() is not None:
@@ -194,7 +194,7 @@ def test_a_long_command_ends_the_page_that_sent_it(server, commands):
 
 def test_a_command_is_passed_on(server, commands):
     async def talk():
-        page = await websocket_connect(f"ws://{LOOPBACK}:{server.door.port}/socket")
+        page = await websocket_connect(f"ws://{LOOPBACK}:{server.access.port}/socket")
         page.write_message('{"command": "pace", "value": 5}')
         while not commands:
             await asyncio.sleep(0.01)
@@ -216,13 +216,13 @@ def stuck(page):
 
 
 def test_who_reads_nothing_is_sent_nothing_more_and_others_read_on(server):
-    """A page that is asked for all and takes nothing: one message waits for it, no more."""
+    """Open a page that reads nothing: one message is queued for it, no more."""
     handshake = (
-        f"GET /socket HTTP/1.1\r\nHost: {LOOPBACK}:{server.door.port}\r\nUpgrade: websocket\r\n"
+        f"GET /socket HTTP/1.1\r\nHost: {LOOPBACK}:{server.access.port}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
         "Sec-WebSocket-Version: 13\r\n\r\n"
     )
-    with socket.create_connection((LOOPBACK, server.door.port)) as idle:
+    with socket.create_connection((LOOPBACK, server.access.port)) as idle:
         idle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         idle.sendall(handshake.encode())
         while not server.pages:
@@ -230,8 +230,8 @@ def test_who_reads_nothing_is_sent_nothing_more_and_others_read_on(server):
         (page,) = server.sockets
         deadline = time.monotonic() + 60.0
         for k in count():
-            server.story.tell(note=f"{k} " + "x" * 20_000)
-            server.spread()
+            server.story.update(note=f"{k} " + "x" * 20_000)
+            server.notify()
             if k % 20 == 0 and stuck(page):
                 break
             assert time.monotonic() < deadline
@@ -239,8 +239,8 @@ def test_who_reads_nothing_is_sent_nothing_more_and_others_read_on(server):
         before = len(waiting)
         assert 0 < before < 100_000
         for k in range(200):
-            server.story.tell(note=f"{k} " + "y" * 20_000)
-            server.spread()
+            server.story.update(note=f"{k} " + "y" * 20_000)
+            server.notify()
         assert told(server)[0]["about"]["note"].startswith("199 ")
         assert len(waiting) <= before
 
@@ -249,9 +249,9 @@ def test_the_end_is_told_and_frees_the_port():
     server = LiveServer(listen(LOOPBACK, 0), Story(), lambda *_: None)
 
     async def watch():
-        page = await websocket_connect(f"ws://{LOOPBACK}:{server.door.port}/socket")
+        page = await websocket_connect(f"ws://{LOOPBACK}:{server.access.port}/socket")
         said = [json.loads(await page.read_message())["kind"]]
-        server.story.tell(verdict="Flown to the target", good=True)
+        server.story.update(verdict="Flown to the target", good=True)
         asyncio.get_running_loop().run_in_executor(None, server.close, 5.0)
         while (text := await page.read_message()) is not None:
             said.append(json.loads(text)["kind"])
@@ -261,4 +261,4 @@ def test_the_end_is_told_and_frees_the_port():
     assert said[0] == "flight"
     assert said[-1] == "end"
     assert "update" in said
-    assert free_port(LOOPBACK, server.door.port) == server.door.port
+    assert free_port(LOOPBACK, server.access.port) == server.access.port

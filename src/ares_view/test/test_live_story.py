@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the live page is told: bounded, in order, each page what it lacks."""
+"""Messages to the live page: bounded, in order, each page gets what it lacks."""
 
 import math
 
@@ -17,7 +17,7 @@ def numbers(rows, since=0):
 
 
 def columns(first, count, arc=0, thrust=1e6):
-    """States of a way eastwards along the equator."""
+    """Make states of a flight eastwards along the equator."""
     time = first + np.arange(count, dtype=float)
     angle = 1e-3 * time
     there = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
@@ -58,7 +58,7 @@ def test_rows_are_thinned_and_the_last_one_stays():
 
 
 def test_a_page_that_thins_as_the_server_does_has_the_same_rows():
-    """What live.js does with what it gets."""
+    """Thin the rows received as live.js does."""
     rows, page, seen = Rows(most=10), [], 0
     for k in range(300):
         rows.add([float(k)])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `ares` command: a module per verb, read when the verb is asked for."""
+"""The verbs of the `ares` command: one module each, imported on demand."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares aborts` does and prints. No ROS."""
+"""Make the abort map for `ares aborts`. No ROS."""
 
 import json
 from collections import Counter
@@ -27,14 +27,14 @@ EXIT_POINTS_FAILED = 1
 
 @dataclass(frozen=True)
 class AbortOptions:
-    """A map as it is asked for.
+    """Hold the options of an abort map.
 
     Attributes:
         mission: name of a shipped mission or path of a mission file.
         guidance: guidance law.
-        step_s: between times.
+        step_s: interval between failure times, s.
         as_json: print one JSON object instead of tables.
-        out: the page; None: none.
+        out: file of the page; None: no page.
     """
 
     mission: str
@@ -44,10 +44,10 @@ class AbortOptions:
     out: Path | None = None
 
     def settings(self) -> MapSettings:
-        """What is flown.
+        """Return the settings of the map, checked.
 
         Raises:
-            CannotStart: mission or law is wrong; one line.
+            CannotStart: mission or law is invalid; one line.
         """
         try:
             law = self_starting(self.guidance)
@@ -66,13 +66,13 @@ class AbortOptions:
 
 
 def aborts(options: AbortOptions) -> int:
-    """Make a map, print what it says, and write its page.
+    """Make a map, print its summary, and write its page.
 
     Args:
-        options: what is asked for.
+        options: of the map.
 
     Returns:
-        0; 1 where points failed.
+        0; 1 if points failed.
 
     Raises:
         CannotStart: bad input; one line.
@@ -97,7 +97,7 @@ def aborts(options: AbortOptions) -> int:
 
 
 def _watched(maker: MapMaker, quiet: bool) -> AbortMap:
-    """Make the map, with a bar that says how long it takes unless that is to be quiet."""
+    """Make the map, with a progress bar unless `quiet`."""
     with bar(quiet=quiet) as progress:
         task = progress.add_task("flying", total=maker.count)
         work = maker.make()

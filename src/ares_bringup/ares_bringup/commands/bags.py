@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares bag` and `ares replay` print. ROS is needed for the replay only."""
+"""Print for `ares bag` and `ares replay`. Only the replay needs ROS."""
 
 import json
 from collections.abc import Mapping
@@ -22,12 +22,12 @@ from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
 
 EXIT_DAMAGED = 1
-#: Topics that the live page draws; it has to hear them before a replay may begin.
+#: Topics of the live page; the replay waits for its subscriptions to them.
 SHOWN = ("vehicle_state", "guidance_status", "flight_event")
 
 
 def show_bag(path: Path, as_json: bool) -> int:
-    """Print what a bag holds and whether its checksums, indexes and counts are right.
+    """Print the contents of a bag and the state of its checksums, indexes and counts.
 
     Returns:
         Exit status: 0, or 1 if the bag is damaged.
@@ -76,7 +76,7 @@ def _more(bag: Bag) -> str:
 
 
 def _readable(value: str) -> str:
-    """A text of the custom data; what is a JSON object as a list, of long texts their lengths."""
+    """Format a text of the custom data; list a JSON object's entries, long ones by length."""
     try:
         entries = json.loads(value)
     except ValueError:
@@ -104,7 +104,7 @@ def _print_damage(found: Verification) -> None:
 
 
 def verify_bag(path: Path, as_json: bool) -> int:
-    """Read everything in a bag and print what is wrong with it.
+    """Verify everything in a bag and print the faults.
 
     Returns:
         Exit status: 0, or 1 if the bag is damaged.
@@ -136,7 +136,7 @@ def verify_bag(path: Path, as_json: bool) -> int:
 
 
 def _incomplete(path: Path) -> str | None:
-    """Why a bag is incomplete by its own word, of whatever is in it whole; None if it is not."""
+    """Return the cause for which an intact bag is marked as incomplete; None if it is not."""
     try:
         return open_bag(path).custom_data.get(INCOMPLETE_KEY)
     except BagError:
@@ -174,10 +174,10 @@ def _contents(bag: Bag) -> dict[str, object]:
 
 
 def repair_bag(path: Path, into: Path | None) -> int:
-    """Save what is intact of a damaged bag and say what that is.
+    """Repair a damaged bag and print the result.
 
     Returns:
-        Exit status: 0 if nothing that was recorded is lost, 1 if something is, or may be.
+        Exit status: 0 if no recorded message is lost, 1 if one is, or may be.
 
     Raises:
         CannotStart: nothing to repair, nothing to save, or the copy cannot be written.
@@ -199,17 +199,17 @@ def replay_bag(
     namespace: str | None,
     live: LiveOptions | None = None,
 ) -> int:
-    """Publish a bag again until its end, a key or a signal; returns the exit status.
+    """Publish a bag again until its end, a key or a signal; return the exit status.
 
     Args:
         path: the bag.
-        pace: real-time factor; 0 as fast as the readers take it.
+        pace: real-time factor; 0: as fast as the readers acknowledge.
         extract: attributes of `ares_bags.replay.Extract`.
-        namespace: put in front of every topic name.
-        live: the page that follows it; None: none.
+        namespace: prefix of every topic name.
+        live: options of the live page; None: no page.
 
     Raises:
-        CannotStart: the namespace has no name, or the page cannot be served.
+        CannotStart: the namespace is invalid, or the page cannot be served.
     """
     if namespace is not None and not namespace.strip("/"):
         raise CannotStart(f"--namespace is {namespace!r}; expected a name such as /again")
@@ -227,7 +227,7 @@ def replay_bag(
             except BagError as error:
                 raise CannotStart(str(error)) from error
             mission = ""
-            # without it the page has no names
+            # without a mission the page has no names
             with suppress(CannotStart):
                 mission = held.enter_context(flown_mission(path, bag.custom_data).file())
             prefix = (namespace or "").strip("/")

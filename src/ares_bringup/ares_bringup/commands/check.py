@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares replay BAG --check` prints."""
+"""Print for `ares replay BAG --check`."""
 
 import json
 import math
@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ares_bringup.check import COMMAND, STATUS, TOLERANCE, Check, Difference, check
+from ares_bringup.check import COMMAND, STATUS, TOLERANCE, Comparison, Difference, check
 from ares_bringup.options import CannotStart
 
 EXIT_EQUAL = 0
@@ -17,7 +17,7 @@ EXIT_CUT = 2
 
 
 def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
-    """Give a recorded flight to guidance as it is now, and print where they part.
+    """Compare a recorded flight with the present guidance and print the differences.
 
     Args:
         path: the bag.
@@ -25,7 +25,7 @@ def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
         as_json: print one JSON object.
 
     Returns:
-        Exit status: 0, equal; 1, they part; 2, equal as far as it could be compared.
+        Exit status: 0, equal; 1, different; 2, equal as far as it could be compared.
 
     Raises:
         CannotStart: it cannot be checked; one line.
@@ -41,10 +41,10 @@ def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, str]:
-    """`NAME=VALUE` of the command line.
+    """Parse `NAME=VALUE` arguments.
 
     Raises:
-        CannotStart: one of them is none; one line.
+        CannotStart: one is malformed; one line.
     """
     found = {}
     for text in settings:
@@ -55,14 +55,14 @@ def parse_settings(settings: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _as_json(result: Check) -> dict[str, Any]:
+def _as_json(result: Comparison) -> dict[str, Any]:
     found = asdict(result)
     found["path"] = str(result.path)
     return {"equal": result.equal, "tolerance": TOLERANCE} | found
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no numbers but finite ones."""
+    """Replace numbers that JSON cannot hold."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -70,7 +70,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _print(result: Check) -> None:
+def _print(result: Comparison) -> None:
     print(f"{result.path}: mission {result.mission}, law {result.law}")
     print(f"flown by {result.recorded_by or 'a version that the bag does not name'}")
     print(f"now {result.software}")

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The `ares` command: every verb, and what its end means to the shell."""
+"""Run the `ares` command line and return its exit status."""
 
 import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from ares_bringup.commands.interrupts import Interrupts, tell
+from ares_bringup.commands.interrupts import Interrupts, report_interrupt
 from ares_bringup.options import CannotStart
 from ares_bringup.usage import answer
 
-# registered in this order, in which the help lists them
+# registered in the order of the help
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
 from ares_bringup.verbs.app import VERBS, BadInput, add_registered_verbs, app, one_line
 from ares_models.registry import registered
@@ -22,7 +22,7 @@ EXIT_NOT_WRITTEN = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 
-#: What an option's value should have been, by what the command-line library's validation says.
+#: Expected value of an option, by error type of the command-line library's validation.
 _EXPECTED = {
     "float_parsing": "a number",
     "int_parsing": "a whole number",
@@ -35,10 +35,10 @@ add_registered_verbs()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """The command line.
+    """Run the command line.
 
     Args:
-        argv: without the program's name; default that of this process.
+        argv: without the program's name; default: that of this process.
 
     Returns:
         The exit status.
@@ -48,19 +48,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     with suppress(KeyboardInterrupt), interrupts:
         status = _run(argv)
     if interrupts.came:
-        tell()
+        report_interrupt()
     return interrupts.status(status)
 
 
 def _run(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        # help is the library's: it lists the laws that are installed
+        # help comes from the library, since it lists the installed laws
         if (said := answer(words, tuple(registered(VERBS)))) and said.refusal:
             print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
             return said.status
         status = app(args=words, prog_name="ares", standalone_mode=False)
-        # what is printed last counts too
+        # an error of the last output must be found here
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except (BadInput, CannotStart) as error:
@@ -69,7 +69,7 @@ def _run(argv: Sequence[str] | None) -> int:
         return EXIT_BAD_INPUT
     except (BrokenPipeError, OutputError) as error:
         if not isinstance(error, BrokenPipeError):
-            # else the reader of our output has gone: nobody is left to complain to
+            # EPIPE means that the reader has gone; any other error is reported
             print(f"ares: standard output cannot be written: {error}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_NOT_WRITTEN
@@ -84,7 +84,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 
 def _refusal(error: Exception) -> str:
-    """A value that an option does not take, told as wrong input is; empty if it is none."""
+    """Format a rejected option value like other bad input; "" if the error is another one."""
     parameter, errors = getattr(error, "param", None), getattr(error.__cause__, "errors", None)
     if parameter is None or errors is None:
         return ""

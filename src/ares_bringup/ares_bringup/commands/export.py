@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares export` does: a flight from its bag for other tools. No ROS."""
+"""Export a recorded flight for `ares export`. No ROS."""
 
 import sys
 from pathlib import Path
@@ -12,7 +12,7 @@ from ares_bringup.summary import VERDICTS
 from ares_bringup.whole_file import write_whole
 from ares_studies.export.czml import as_czml
 from ares_studies.export.kml import as_kml
-from ares_studies.export.recording import Export, Happening
+from ares_studies.export.recording import Export, ExportEvent
 from ares_studies.export.tables import as_csv, as_parquet, event_table, flight_table
 
 EXIT_INCOMPLETE = 1
@@ -29,18 +29,18 @@ def export(
     out: Path | None,
     mission: str | None = None,
 ) -> int:
-    """Write a recorded flight in another format, and print where.
+    """Write a recorded flight in another format, and print the file's path.
 
     Args:
         path: bag.
         form: the format.
-        table: which table, of the formats that have tables.
-        out: the file; None: named for table and format, in the bag's folder.
-        mission: to take instead of that of the flight.
+        table: which table, for the formats with tables.
+        out: the file; None: named after table and format, in the bag's folder.
+        mission: to use instead of that of the flight.
 
     Returns:
-        Exit status: 0, or 1 if the bag is damaged or cut, which is said on standard error; what
-        it still holds is written all the same.
+        Exit status: 0, or 1 if the bag is damaged or incomplete, with a line on standard error; its
+        intact part is written anyway.
 
     Raises:
         CannotStart: no such bag, no flight in it, its mission cannot be read, or the file
@@ -67,7 +67,7 @@ def _exported(flown: RecordedFlight) -> Export:
         recording=recording_of(find_file(flown.path).absolute().parent.name, flown),
         commands=flown.columns["thrust_command"],
         events=[
-            Happening(
+            ExportEvent(
                 time_s=event.time,
                 name=summary.event_name(event),
                 position=event.position,

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SIGINT and SIGTERM end a command at any time: between bytecodes, in a kernel, in an import.
+"""End a command on SIGINT or SIGTERM at any time: between bytecodes, in a kernel, in an import.
 
-Python runs its handlers between bytecodes, and a kernel has none. A thread hears of the signal
-all the same, since kernels leave the interpreter's lock alone; if the command has not ended by
-itself within GRACE, the thread ends the process. Whatever is being computed then is computed
-only: files are written between kernels, and each whole or not at all.
+Python runs its handlers between bytecodes, and a kernel has none. A thread notices the signal
+anyway, since kernels release the interpreter's lock; if the command has not ended by itself within
+GRACE, the thread ends the process. Only a computation is lost then: files are written between
+kernels, and each atomically.
 """
 
 import atexit
@@ -16,7 +16,7 @@ import time
 from contextlib import suppress
 from types import FrameType, TracebackType
 
-#: Wall time in s that a command gets to end in good order.
+#: Wall time in s for a command to end cleanly.
 GRACE = 2.0
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -28,41 +28,41 @@ _told: list[str] = []
 
 
 def exit_status(number: int) -> int:
-    """Exit status of a command that a signal has ended: 130 for SIGINT, 143 for SIGTERM."""
+    """Return the exit status of a command ended by a signal: 130 for SIGINT, 143 for SIGTERM."""
     return 128 + number
 
 
-def grant(grace_s: float) -> None:
-    """Let this command take longer to end in good order, s: as long as processes end with it."""
-    global GRACE  # noqa: PLW0603  the thread that ends the process has no other word of it
+def extend_grace(grace_s: float) -> None:
+    """Extend the time in which this command must end after a signal, s."""
+    global GRACE  # noqa: PLW0603  read by the thread that ends the process
     GRACE = grace_s
 
 
 def note_written(path: str) -> None:
-    """Remember a file that is there whole, for the last word of a command that is interrupted."""
+    """Record a complete file, to be named if the command is interrupted."""
     _written.append(path)
 
 
-def tell(kept: str = "") -> None:
-    """Say, once, that the command was interrupted, and what of it is kept.
+def report_interrupt(kept: str = "") -> None:
+    """Print, once, that the command was interrupted, and what is kept of its work.
 
     Args:
-        kept: empty for the files that are there whole.
+        kept: description; "": the files recorded by `note_written`.
     """
     if _told:
         return
     _told.append(kept)
     files = f"written: {', '.join(_written)}" if _written else "nothing was written"
-    # no stream of Python's: it may be in use
+    # not Python's stream, which the interrupted code may be using
     with suppress(OSError):
         os.write(STANDARD_ERROR, f"ares: interrupted; {kept or files}\n".encode())
 
 
 def end_at_once() -> None:
-    """Until the command line is there: a signal ends the process."""
+    """Let a signal end the process at once, until the command line has started."""
 
     def end(number: int, _: FrameType | None) -> None:
-        tell()
+        report_interrupt()
         os._exit(exit_status(number))
 
     for number in _SIGNALS:
@@ -70,11 +70,11 @@ def end_at_once() -> None:
 
 
 def leave_the_end_alone() -> None:
-    """From when Python has waited for its threads on, a signal does nothing: the command has ended.
+    """Ignore signals once Python has waited for its threads: the command has ended.
 
-    Python would give up its handlers then, and the signal end the process by itself.
+    Python would then reset its handlers, and the signal would kill the process.
     """
-    # what is registered first is called last
+    # registered first, so called last
     atexit.register(_ignore)
 
 
@@ -84,20 +84,20 @@ def _ignore() -> None:
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal asks for the end.
+    """Interrupt the command after a signal.
 
-    A KeyboardInterrupt of Python's own that passes through a text that is executed, as dataclasses
-    are made, is remembered: Python ends itself by SIGINT later, whoever has caught it and whichever
-    signal it was.
+    A subclass, since Python records a plain KeyboardInterrupt that leaves a text executed by
+    `exec`, as dataclasses are made: it then ends itself by SIGINT later, even if the exception was
+    caught and the signal was another.
     """
 
 
 class Interrupts:
-    """Both signals as KeyboardInterrupt, and an end that comes for sure.
+    """Raise `Interrupted` on both signals, and make sure that the process ends.
 
-    Must be entered in the main thread; the interrupt may come as soon as it is, and until it is
-    left: outside the block is the place to catch it. A verb with signals of its own, such as a
-    flight, may take them meanwhile and give them back.
+    Enter it in the main thread. The exception may come at any time inside the block, so catch it
+    outside. A verb with handlers of its own, such as a flight, may install them inside and restore
+    these.
     """
 
     def __init__(self) -> None:
@@ -105,7 +105,7 @@ class Interrupts:
         self._over = False
 
     def __enter__(self) -> "Interrupts":
-        """Take the signals."""
+        """Install the handlers."""
         self._readable, self._writable = os.pipe()
         os.set_blocking(self._writable, False)
         self._former_fd = signal.set_wakeup_fd(self._writable, warn_on_full_buffer=False)
@@ -124,10 +124,10 @@ class Interrupts:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> bool:
-        """Give them back; after a signal the process still ends within GRACE of it.
+        """Restore the handlers; after a signal the process still ends within GRACE.
 
         Returns:
-            Whether the error is what compiled code has made of the KeyboardInterrupt.
+            Whether to suppress the error, which stems from the interrupt.
         """
         self._over = True
         signal.set_wakeup_fd(self._former_fd)
@@ -148,19 +148,19 @@ class Interrupts:
         return self._number != 0
 
     def status(self, otherwise: int) -> int:
-        """Exit status after a signal; the other one if none came."""
+        """Return the exit status after a signal; `otherwise` without one."""
         return exit_status(self._number) if self._number else otherwise
 
     def _interrupt(self, number: int, _: FrameType | None) -> None:
-        # the next signal ends the process, in which Python's own clean-up may still run
+        # a second signal ends the process at once, even during Python's clean-up
         for each in _SIGNALS:
             signal.signal(each, lambda number, _: os._exit(exit_status(number)))
         self._number = number
         raise Interrupted
 
     def _on_unraisable(self, unraisable: "sys.UnraisableHookArgs") -> None:
-        # raised where nobody can take it, or of an object that the interrupt has left half made:
-        # the command ends all the same
+        # an interrupt raised where it cannot propagate, or an error of an object that it has left
+        # half made: ignored, since the command ends anyway
         if not self._number:
             self._former_hook(unraisable)
 
@@ -172,5 +172,5 @@ class Interrupts:
                 return
         time.sleep(GRACE)
         if not self._over:
-            tell()
+            report_interrupt()
         os._exit(exit_status(number))

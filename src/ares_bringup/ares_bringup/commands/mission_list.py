@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Listing and checking for `ares missions` and `ares dispersions`. No ROS."""
+"""List and check files for `ares missions` and `ares dispersions`. No ROS."""
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -12,15 +12,15 @@ from ares_bringup.report import console
 from ares_models.mission import Mission, list_missions, load_mission
 from ares_vehicle_sim.dispersions import DISPERSIONS, load_dispersions
 
-#: What is said of a file: a word and a text in each row.
+#: Description of a file: label and text of each row.
 Rows = list[tuple[str, str]]
 
 
 def load(name: str) -> Mission:
-    """A mission that can be flown as far as its file can tell.
+    """Load a mission and check that it can be flown, as far as its file shows.
 
     Raises:
-        ValueError: one line that says what is wrong.
+        ValueError: one line on the fault.
     """
     mission = load_mission(name)
     mission.arrays()
@@ -28,22 +28,25 @@ def load(name: str) -> Mission:
 
 
 def show_missions(names: Sequence[str] = ()) -> int:
-    """Print a table of missions; what is wrong with one is one line on standard error.
+    """Print a table of missions; the fault of an invalid one is one line on standard error.
 
     Args:
-        names: names or paths; empty for all shipped missions.
+        names: names or paths; empty: all shipped missions.
 
     Returns:
-        0, or 2 if one of them is wrong.
+        0, or 2 if one of them is invalid.
     """
     return _show(names or list_missions(), _mission_rows)
 
 
 def show_dispersions(names: Sequence[str] = ()) -> int:
-    """The same of dispersions.
+    """Print a table of dispersions; the fault of an invalid one is one line on standard error.
 
     Args:
-        names: names or paths; empty for all that are shipped.
+        names: names or paths; empty: all shipped dispersions.
+
+    Returns:
+        0, or 2 if one of them is invalid.
     """
     return _show(names or DISPERSIONS.shipped(), _dispersions_rows)
 

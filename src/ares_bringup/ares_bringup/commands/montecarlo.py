@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares montecarlo` does and prints. No ROS."""
+"""Fly campaigns for `ares montecarlo`. No ROS."""
 
 import json
 import math
@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
-from ares_bringup.commands.interrupts import note_written, tell
+from ares_bringup.commands.interrupts import note_written, report_interrupt
 from ares_bringup.options import CannotStart, HeatingSource, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, number, shown_path
@@ -29,9 +29,9 @@ from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import arc_plan
-from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import FAILURES, Summary, Tally, summarize
@@ -51,7 +51,7 @@ REPORT = "report.html"
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """A campaign as it is asked for.
+    """Hold the options of a campaign.
 
     Attributes:
         count: flights.
@@ -59,15 +59,15 @@ class CampaignOptions:
         guidance: guidance law.
         dispersions: name of shipped dispersions or path of a file.
         seed: master seed.
-        only: fly these alone, and keep nothing.
-        out: folder, new or of a campaign to go on with; None: a new one.
+        only: fly only these flights, and store nothing.
+        out: folder, new or of a campaign to continue; None: a new one.
         as_json: print one JSON object instead of tables.
         workers: threads; None: one per core.
         scheduler: address of a Dask scheduler; None: this machine.
         cycle_period_s: between guidance cycles; None: the law's default.
-        hold_time_s: time to go from which the steering is held; None: the law's default.
-        heating_source: what times a heating jettison; None: the law's default.
-        success_width: stop when the interval of the share of successes is narrower.
+        hold_time_s: time-to-go below which the steering is held; None: the law's default.
+        heating_source: source of the time of a heating jettison; None: the law's default.
+        success_width: stop when the interval of the success rate is narrower.
         mass_width_kg: stop when the interval of the mean final mass is narrower.
     """
 
@@ -88,10 +88,10 @@ class CampaignOptions:
     mass_width_kg: float | None = None
 
     def settings(self) -> Settings:
-        """What is flown.
+        """Return the settings of the campaign, checked.
 
         Raises:
-            CannotStart: mission, dispersions, law or a setting is wrong; one line.
+            CannotStart: mission, dispersions, law or a setting is invalid; one line.
         """
         given: dict[str, Any] = {
             "cycle_period_s": self.cycle_period_s,
@@ -122,7 +122,7 @@ class CampaignOptions:
             raise CannotStart(" ".join(str(error).split())) from error
 
     def command(self, *verb: str) -> str:
-        """A command of this project that flies by the same settings."""
+        """Return an `ares` command with the same settings."""
         words = ["./ares", *verb, "--mission", self.mission, "--guidance", self.guidance]
         words += ["--dispersions", self.dispersions, "--seed", str(self.seed)]
         for name in ("cycle_period", "hold_time"):
@@ -136,7 +136,7 @@ class CampaignOptions:
 
 @contextmanager
 def _one_line() -> Iterator[None]:
-    """Errors that say what cannot be had become CannotStart."""
+    """Convert errors with a one-line text to CannotStart."""
     try:
         yield
     except (InputError, AtmosphereError, StoreError, EngineError) as error:
@@ -144,11 +144,11 @@ def _one_line() -> Iterator[None]:
 
 
 def montecarlo(options: CampaignOptions, begun: float) -> int:
-    """Fly a campaign, print what it says.
+    """Fly a campaign and print its summary.
 
     Args:
         options: the campaign.
-        begun: when the command began, s of time.monotonic().
+        begun: start of the command, s of time.monotonic().
 
     Returns:
         0, or 130 when interrupted.
@@ -162,10 +162,12 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
     folder = options.out or new_bag(f"{settings.mission.name}_{settings.law}", _campaigns())
     with _one_line():
         engine = choose(options.scheduler, options.workers)
-        # compiles, and finds out whether the dispersions fit the mission
-        Range(settings).fly(0, 1)
+        # compiles the kernels, and checks that the dispersions fit the mission
+        FlightRange(settings).fly(0, 1)
         with Store(folder, settings) as store:
-            plan = Plan(settings, options.count, options.success_width, options.mass_width_kg)
+            plan = CampaignPlan(
+                settings, options.count, options.success_width, options.mass_width_kg
+            )
             with _Watch(store.count(), options.count, quiet=options.as_json) as watch:
                 try:
                     fly_campaign(plan, store, engine, watch)
@@ -186,7 +188,7 @@ def _campaigns() -> Path:
 
 
 def nominal_propellant(settings: Settings) -> float:
-    """Propellant that the last stage uses in the flight that nothing disperses, kg."""
+    """Return the propellant used by the last stage in the undispersed flight, kg."""
     exact = Settings(
         settings.mission,
         Dispersions(),
@@ -194,23 +196,23 @@ def nominal_propellant(settings: Settings) -> float:
         law_settings=settings.law_settings,
         options=settings.options,
     )
-    return float(Range(exact).fly(0, 1).results["propellant_used"][0])
+    return float(FlightRange(exact).fly(0, 1).results["propellant_used"][0])
 
 
 def _say_interrupted(store: Store, options: CampaignOptions) -> None:
     there = store.count()
     folder = shown_path(str(store.folder))
-    tell(
+    report_interrupt(
         f"{there:,} of {options.count:,} flights are in {folder}; "
         f"the same command with --out {folder} goes on"
     )
 
 
-# ---- while it flies
+# ---- progress
 
 
 class _Rate(ProgressColumn):
-    """Flights per second since the begin."""
+    """Show flights per second since the start."""
 
     def render(self, task: Task) -> Text:
         elapsed = task.finished_time if task.finished else task.elapsed
@@ -220,11 +222,11 @@ class _Rate(ProgressColumn):
 
 
 class _Watch:
-    """The bar, the clock and the count of flights.
+    """Count and time the flights, with a progress bar.
 
     Attributes:
         flown: flights of this run.
-        seconds: wall time of flying them.
+        seconds: wall time spent flying them.
     """
 
     def __init__(self, there: int, total: int, quiet: bool) -> None:
@@ -243,11 +245,11 @@ class _Watch:
         self.stop()
 
     def stop(self) -> None:
-        """Leave the bar as it is."""
+        """Stop updating the bar."""
         self._progress.stop()
 
     def __call__(self, table: Any) -> None:
-        """Take note of a chunk of flights; the first one shows the bar."""
+        """Count a chunk of flights; the first one shows the bar."""
         self._progress.start()
         self.flown += table.num_rows
         self.seconds = time.monotonic() - self._begun
@@ -260,11 +262,11 @@ class _Watch:
 
     @property
     def rate(self) -> float | None:
-        """Flights per second; None if none was flown."""
+        """Return the flights per second; None if none was flown."""
         return self.flown / self.seconds if self.seconds > 0.0 else None
 
 
-# ---- when it is over
+# ---- results
 
 
 def _write_report(
@@ -274,7 +276,7 @@ def _write_report(
     reached: Mapping[int, Reach],
     store: Store,
 ) -> Path:
-    """The page of the campaign, beside its flights."""
+    """Write the page of the campaign beside its flights."""
     facts = {
         "flights": f"{summary.tally.n:,}",
         "guidance": settings.law,
@@ -359,7 +361,7 @@ def _verdict(tally: Tally) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """The same with None for what is no finite number."""
+    """Replace non-finite numbers by None, at any depth."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -423,14 +425,14 @@ def _reserve(summary: Summary, n: int) -> str:
     return "has no bound: too many flights did not arrive"
 
 
-# ---- one by one
+# ---- single flights
 
 
 def _fly_alone(options: CampaignOptions, settings: Settings, begun: float) -> int:
     tally = Tally()
     rows = []
     with _one_line():
-        flyer = Range(settings)
+        flyer = FlightRange(settings)
         clock = time.monotonic()
         for flight in options.only:
             table = make_table(flyer.fly(flight, 1), flyer.columns, settings.mission.jettison_names)

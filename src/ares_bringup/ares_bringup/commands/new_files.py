@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares missions new`, `ares dispersions new` and their `schema` write. No ROS."""
+"""Write new files for `ares missions new`, `ares dispersions new` and their `schema`. No ROS."""
 
 import os
 import re
@@ -22,7 +22,7 @@ from ares_vehicle_sim.proposal import propose
 
 _NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
 
-#: Models of the kinds of files.
+#: Schema model of each kind of file.
 _MODELS: Mapping[str, type[BaseModel]] = {
     MISSION.name: Mission,
     DISPERSIONS.name: Dispersions,
@@ -30,10 +30,10 @@ _MODELS: Mapping[str, type[BaseModel]] = {
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet, whole or not at all.
+    """Write a new file atomically.
 
     Raises:
-        CannotStart: it is there, or cannot be written; one line.
+        CannotStart: it exists, or cannot be written; one line.
     """
     partial = None
     try:
@@ -43,7 +43,7 @@ def write_new(path: Path, text: str) -> None:
             partial = file.name
             file.write(text)
         os.chmod(partial, 0o644)  # noqa: PTH101
-        # fails where the file is there, whoever made it meanwhile
+        # fails if the file exists, even if it was made meanwhile
         os.link(partial, path)
         note_written(str(path))
     except FileExistsError as error:
@@ -58,7 +58,7 @@ def write_new(path: Path, text: str) -> None:
 
 
 def show_schema(kind: InputKind, out: Path | None) -> None:
-    """Print the JSON Schema of a kind of file, or write it.
+    """Print the JSON Schema of a kind of file, or write it to a file.
 
     Raises:
         CannotStart: it cannot be written.
@@ -72,7 +72,7 @@ def show_schema(kind: InputKind, out: Path | None) -> None:
 
 
 def _schema_line(kind: InputKind, folder: Path) -> str:
-    """First line of a file for editors; the schema that it names is written if it is not there."""
+    """Return the first line of a file, which names its schema; write a missing schema."""
     name = f"{kind.name}.schema.json"
     if not os.path.lexists(folder / name):
         show_schema(kind, folder / name)
@@ -80,7 +80,7 @@ def _schema_line(kind: InputKind, folder: Path) -> str:
 
 
 def _write(kind: InputKind, out: Path, head: Sequence[str], text: str) -> None:
-    """Write a file of a kind and, beside it, the schema that its first line names."""
+    """Write a file and, beside it, the schema that its first line names."""
     if os.path.lexists(out):
         raise CannotStart(f"--out is {str(out)!r}, which exists; expected a new file")
     if not out.parent.is_dir():
@@ -91,15 +91,15 @@ def _write(kind: InputKind, out: Path, head: Sequence[str], text: str) -> None:
 
 
 def new_mission(name: str, out: Path | None, like: str | None) -> None:
-    """Write a mission with a comment on every key; say what to try next.
+    """Write a mission with a comment on every key; print the next steps.
 
     Args:
         name: of the mission.
         out: the file; None: NAME.yaml here.
-        like: mission whose numbers it takes; None: a small launcher.
+        like: mission whose numbers are copied; None: a small launcher.
 
     Raises:
-        CannotStart: a wrong name, no such mission, or the file is there; one line.
+        CannotStart: invalid name, no such mission, or the file exists; one line.
     """
     if not _NAME.fullmatch(name):
         raise CannotStart(f"NAME is {name!r}; expected at most 64 letters, digits and underscores")
@@ -126,14 +126,14 @@ def _mission_data(like: str | None) -> dict[str, Any]:
 
 
 def new_dispersions(mission_name: str, out: Path | None) -> None:
-    """Write dispersions that fit a mission's vehicle; say what to try next.
+    """Write dispersions that fit a mission's vehicle; print the next steps.
 
     Args:
         mission_name: name of a shipped mission or path of a mission file.
         out: the file; None: MISSION_dispersions.yaml here.
 
     Raises:
-        CannotStart: a wrong mission, or the file is there; one line.
+        CannotStart: invalid mission, or the file exists; one line.
     """
     try:
         mission = load_mission(mission_name)
@@ -155,6 +155,6 @@ def new_dispersions(mission_name: str, out: Path | None) -> None:
 
 
 def _as_path(path: Path) -> str:
-    """A path that is not taken for a shipped name."""
+    """Format a path so that it is not taken for a shipped name."""
     text = str(path)
     return text if text.endswith((".yaml", ".yml")) or "/" in text else f"./{text}"

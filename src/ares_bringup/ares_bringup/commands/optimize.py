@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares optimize` does and prints. No ROS."""
+"""Solve and print for `ares optimize`. No ROS."""
 
 import json
 import math
@@ -34,7 +34,7 @@ EXIT_NOT_FOUND = 1
 EXIT_FEASIBLE = 3
 EXIT_INFEASIBLE = 4
 
-#: How a request ended, in a word, and its exit status; what is not here was not found.
+#: Verdict and exit status by status of the solution; NOT_FOUND for any other.
 VERDICTS = {
     Status.CONVERGED: ("optimal", EXIT_OPTIMAL),
     Status.FEASIBLE: ("feasible", EXIT_FEASIBLE),
@@ -42,7 +42,7 @@ VERDICTS = {
 }
 NOT_FOUND = ("not found", EXIT_NOT_FOUND)
 
-#: Table 4.1 of the thesis: OTIS, and the thesis' own optimization.
+#: Table 4.1 of the thesis: OTIS; the thesis' own optimization.
 THESIS_TABLE = {
     "jettison, s": (422.20, 441.02),
     "burn after it, s": (361.80, 328.43),
@@ -62,21 +62,21 @@ def optimize(
     out: Path | None = None,
     beside: Path | None = None,
 ) -> int:
-    """Solve, print, say by the exit status whether the optimum was found.
+    """Solve, print, and return the exit status.
 
     Args:
         mission_name: shipped name or path.
         method: one of `ares_optimizer.solve.METHODS`.
         as_json: one JSON object instead of the tables.
-        heating: where the heating limit holds; None: as the mission says.
-        held: jettisons held at a time, `NAME=SECONDS` each.
+        heating: phase in which the heating limit holds; None: that of the mission.
+        held: jettisons at fixed times, `NAME=SECONDS` each.
         time_limit_s: wall time of the search, s.
-        out: the page; None: none.
-        beside: bag whose flight lies over the optimum on it; None: none.
+        out: file of the page; None: no page.
+        beside: bag of a flight to compare on the page; None: none.
 
     Returns:
-        0 for a proven optimum, 3 for a flight that may be none, 4 where there is none, 1 where
-        none was found; the reason is in what is printed.
+        0 for a proven optimum, 3 for a feasible flight without proof, 4 if infeasible, 1 if none
+        was found; the output has the reason.
 
     Raises:
         CannotStart: bad mission, method, option or bag, or the page cannot be written; one line.
@@ -85,7 +85,7 @@ def optimize(
     if beside is not None:
         from ares_bringup.recorded import read_flight
 
-        # before the search: a bag that cannot be read is said at once
+        # before the search, so that an unreadable bag is reported at once
         flown = read_flight(beside)
     try:
         mission = load_mission(mission_name)
@@ -118,12 +118,12 @@ def optimize(
 
 
 def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> int:
-    """Find the greatest payload, print it with its flight; the exit status as of `optimize`.
+    """Find the largest payload and print it with its flight; return the exit status of `optimize`.
 
-    Args: as :func:`optimize`.
+    Args: see :func:`optimize`.
 
     Raises:
-        CannotStart: bad mission, or one whose payload cannot be sought; one line.
+        CannotStart: bad mission, or one without a variable payload; one line.
     """
     try:
         mission = load_mission(mission_name)
@@ -145,7 +145,7 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
 
 @cache
 def _load(method: str) -> None:
-    """Solve once without a time limit: the first call of a process loads, or even compiles."""
+    """Solve once without a time limit: the first call in a process loads or compiles kernels."""
     solve(load_mission(THESIS_MISSION), method)
 
 
@@ -210,7 +210,7 @@ def _results(solution: Solution) -> dict[str, float]:
 
 
 def _thesis_table(solution: Solution) -> Table:
-    """Table 4.1 with a column of ours."""
+    """Compare table 4.1 with this solution."""
     table = plain_table("Table 4.1", "OTIS", "thesis", "ours")
     for name, ours in _results(solution).items():
         table.add_row(name, *(number(value, 2) for value in (*THESIS_TABLE[name], ours)))
@@ -218,7 +218,7 @@ def _thesis_table(solution: Solution) -> Table:
 
 
 def plain_table(first: str, *columns: str) -> Table:
-    """A table without lines: names, then figures."""
+    """Make a table without lines: names, then figures."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(first)
     for column in columns:
@@ -227,7 +227,7 @@ def plain_table(first: str, *columns: str) -> Table:
 
 
 def arc_table(solution: Solution) -> Table:
-    """The steering laws, one row each."""
+    """Tabulate the steering laws, one row each."""
     table = plain_table("steering from", "to s", "mass kg", "to kg", "delta-V m/s", "rate deg/s")
     for arc in solution.arcs:
         table.add_row(*(number(*figure) for figure in arc_figures(arc)))
@@ -254,7 +254,7 @@ def name_and_state(check: ConstraintCheck) -> tuple[str, str]:
 
 
 def constraint_table(solution: Solution) -> Table:
-    """The constraints as the independent integration finds them."""
+    """Tabulate the constraints as found by the independent integration."""
     table = plain_table("constraint", "value", "limit", "", "kg per unit")
     for check in solution.constraints:
         name, state = name_and_state(check)
@@ -270,7 +270,7 @@ def constraint_table(solution: Solution) -> Table:
 
 
 def proof_lines(solution: Solution) -> list[str]:
-    """How good it is, and what it cost to find."""
+    """Describe the proof and the cost of the search."""
     lines = []
     proof = solution.verification
     if proof is not None:

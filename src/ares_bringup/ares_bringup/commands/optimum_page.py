@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of an optimum: the parts of a flight's page, and its proof. No ROS."""
+"""Compose the page of an optimum: the parts of a flight's page, and the proof. No ROS."""
 
 import math
 from itertools import pairwise
@@ -42,11 +42,11 @@ COMMAND = "ares optimize"
 def write_page(
     out: Path, mission: Mission, solution: Solution, flown: RecordedFlight | None
 ) -> None:
-    """Write the page of an optimum, beside a flight if there is one.
+    """Write the page of an optimum, with a recorded flight for comparison if given.
 
     Args:
         out: the page.
-        mission: that was solved.
+        mission: solved mission.
         solution: with a trajectory.
         flown: a recorded flight; None: none.
 
@@ -137,7 +137,7 @@ def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
 
 
 def constraint_table(solution: Solution) -> Table:
-    """Tabulate the constraints as the independent integration finds them, and their prices."""
+    """Tabulate the constraints as found by the independent integration, and their multipliers."""
     rows = []
     for check in solution.constraints:
         name, state = name_and_state(check)
@@ -157,7 +157,7 @@ def constraint_table(solution: Solution) -> Table:
 
 
 def steering_table(mission: Mission, solution: Solution) -> Table:
-    """Tabulate the steering laws: the thrust direction of each piece turns at a rate."""
+    """Tabulate the steering laws: in each, the thrust direction turns at a constant rate."""
     rows = []
     for arc in solution.arcs:
         middle = 0.5 * (arc.start_s + arc.end_s)
@@ -175,7 +175,7 @@ def steering_table(mission: Mission, solution: Solution) -> Table:
 
 
 def _events(mission: Mission, solution: Solution, flight: Flight) -> tuple[Happening, ...]:
-    """Begin of each arc, the jettisons and the end, with the mass after each."""
+    """List begin of each arc, jettisons and end, with the mass after each."""
     found = [(arc.start_s, f"begins: {mission.arc_names[arc.arc]}") for arc in solution.flown]
     found += [
         (at, f"jettison: {mission.jettison_names[k]}")
@@ -193,7 +193,7 @@ def _events(mission: Mission, solution: Solution, flight: Flight) -> tuple[Happe
 
 
 def _marks(mission: Mission, solution: Solution) -> tuple[Guide, ...]:
-    """Instants of the charts: jettisons, staging, begin and end of coasts, cut-off."""
+    """List the instants marked in the charts: jettisons, staging, coasts, cut-off."""
     arcs = mission.arrays().arcs
     words = {at: "jettison" for at in solution.jettison_times_s if math.isfinite(at)}
     for before, arc in pairwise(solution.flown):
@@ -208,7 +208,7 @@ def _marks(mission: Mission, solution: Solution) -> tuple[Guide, ...]:
 
 
 def _price(value: float) -> Cell:
-    """A price with four figures and its sign; blank where it is not known."""
+    """Format a multiplier with sign and four significant figures; blank if unknown."""
     if value and not 1e-3 <= abs(value) < 1e4:
         return power(value, 4, signed=True)
     size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 3
@@ -216,6 +216,6 @@ def _price(value: float) -> Cell:
 
 
 def _figures(value: float) -> Cell:
-    """A number with nine figures, six of them behind the point at most."""
+    """Format a number with nine significant figures, at most six decimals."""
     size = math.floor(math.log10(abs(value))) if value else 0
     return number(value, min(max(8 - size, 0), 6))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draw a recorded flight. No ROS."""
+"""Plot a recorded flight. No ROS."""
 
 import math
 from io import BytesIO
@@ -19,15 +19,15 @@ FORMATS = (".png", ".svg", ".pdf")
 
 
 def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[Path, str]:
-    """Draw a flight into an image file; of a damaged bag what is intact.
+    """Plot a flight to an image file; of a damaged bag, the intact part.
 
     Args:
         path: bag.
-        out: image file, its ending chooses the format; None: flight.png in the bag's folder.
-        mission: to take instead of that of the flight.
+        out: image file, whose suffix sets the format; None: flight.png in the bag's folder.
+        mission: to use instead of that of the flight.
 
     Returns:
-        The image file, and what is missing in the bag: one line, empty if nothing is.
+        The image file, and the losses of the bag in one line, "" if there are none.
 
     Raises:
         CannotStart: no such bag, no flight in it, or the image cannot be written; one line.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares report` does: flights from their bags onto a page. No ROS."""
+"""Write the page of recorded flights for `ares report`. No ROS."""
 
 import json
 import math
@@ -37,13 +37,13 @@ from ares_studies.pages.templates import chosen_name
 
 PAGE = "report.html"
 COMPARISON = "comparison.html"
-#: Texts of diagnostics on a page.
+#: Most texts of diagnostics on a page.
 MAX_COMPLAINTS = 100
 
-#: What the last mark on the globe is called.
+#: Label of the last mark on the globe.
 ENDINGS = {Outcome.TARGET: "insertion", Outcome.IMPACT: "impact"}
 
-#: Judged quantities that every state has: name, unit and decimals. Others: `ORBIT_ERRORS`.
+#: Judged quantities that every state has: name, unit, decimals. Others: `ORBIT_ERRORS`.
 STATE_QUANTITIES = {
     "radius_m": ("radius", " m", 2),
     "speed_m_s": ("speed", " m/s", 4),
@@ -58,13 +58,13 @@ QUANTITIES = STATE_QUANTITIES | {
 
 
 def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) -> Path:
-    """Write the page on one flight, or on several that lie over each other.
+    """Write the page of one flight, or of several overlaid.
 
     Args:
-        paths: bags, MAX_FLIGHTS at most; of whatever missions.
+        paths: bags, MAX_FLIGHTS at most; missions may differ.
         out: the page; None: `report.html`, of several `comparison.html`, in the folder of the
             first bag.
-        mission: to take instead of that of each flight.
+        mission: to use instead of that of each flight.
 
     Returns:
         The page.
@@ -96,7 +96,7 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
 
 
 def recording_of(name: str, flown: RecordedFlight) -> Recording:
-    """A flight from its bag, as charts, globes and tables take it."""
+    """Convert a flight from its bag for charts, globes and tables."""
     return Recording(
         name=name,
         law=flown.law,
@@ -108,7 +108,7 @@ def recording_of(name: str, flown: RecordedFlight) -> Recording:
 
 
 def short_names(flown: Sequence[RecordedFlight]) -> list[str]:
-    """A name for each flight: its law if no other has it, else its bag too, else a number too."""
+    """Name each flight: its law if unique, else with its bag, else with a number too."""
     names = [flight.law for flight in flown]
     if len(set(names)) < len(names):
         names = [f"{flight.law}, {_bag_name(flight.path)}" for flight in flown]
@@ -121,16 +121,16 @@ def _bag_name(path: Path) -> str:
     return find_file(path).absolute().parent.name
 
 
-# ---- what is told of a flight
+# ---- account of a flight
 
 
 def account_of(name: str, flown: RecordedFlight, budget: Budget) -> Account:
-    """Tell of a recorded flight.
+    """Describe a recorded flight.
 
     Args:
-        name: unlike that of others on the page.
+        name: unique on the page.
         flown: the flight.
-        budget: what its thrust went into.
+        budget: its delta-V budget.
     """
     summary = flown.summary
     problems = summary.shortcomings()
@@ -158,7 +158,7 @@ def account_of(name: str, flown: RecordedFlight, budget: Budget) -> Account:
 
 
 def _key_numbers(summary: FlightSummary) -> list[tuple[str, str, str]]:
-    """Name, value, unit of what is known."""
+    """List name, value, unit of the known key figures."""
     fairing = summary.facts.fairing
     jettison = "" if fairing is None else f"jettison of {summary.facts.jettisons[fairing]}"
     values = (
@@ -199,7 +199,7 @@ def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
 
 
 def _made_by(custom: Mapping[str, str]) -> list[tuple[str, str]]:
-    """When and where it was flown and by what, as far as the bag says."""
+    """List date, machine and software of the flight, as far as the bag has them."""
     lines = [(key, custom[key]) for key in (DATE_KEY, MACHINE_KEY) if custom.get(key)]
     for key, text in custom.items():
         if not key.startswith(GUIDANCE_KEY):
@@ -211,12 +211,12 @@ def _made_by(custom: Mapping[str, str]) -> list[tuple[str, str]]:
         if isinstance(settings, dict):
             told = (("software", "software"), ("mission_digest", "mission digest"))
             lines += [(name, str(settings[key])) for key, name in told if settings.get(key)]
-    # a guidance that was started again says the same
+    # a restarted guidance repeats them
     return list(dict.fromkeys(lines))
 
 
 def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:
-    """Each text once, with its first time and how often it was said."""
+    """List each text once, with its first time and its count."""
     counts = Counter((line.level, line.node, line.message) for line in diagnostics)
     first = {(line.level, line.node, line.message): line.time for line in reversed(diagnostics)}
     found = [Complaint(first[key], *key, count) for key, count in counts.items()]
@@ -227,7 +227,7 @@ def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:
 
 
 def _insertion(summary: FlightSummary) -> Table | None:
-    """Error, tolerance, flown and target of what the mission asks for: the verdict first."""
+    """Tabulate error, tolerance, flown and target value of the judged quantities."""
     end = summary.end
     if end is None:
         return None
@@ -258,7 +258,7 @@ def _tolerance(value: float) -> Cell:
 
 
 def _judged(summary: FlightSummary) -> dict[str, float]:
-    """Flown values of all that may be judged, by the names of the errors."""
+    """Return the flown values of all quantities that may be judged, by error name."""
     end = summary.end
     assert end is not None
     elements = orbit_of(summary.facts, end.position, end.velocity)
@@ -273,7 +273,7 @@ def _judged(summary: FlightSummary) -> dict[str, float]:
     }
 
 
-#: Rows of a budget: name, attribute, and what it is.
+#: Rows of a delta-V budget: name, attribute, explanation.
 _BUDGET = (
     ("ideal", "ideal_m_s", "integral of the thrust acceleration"),
     ("gravity", "gravity_m_s", "its pull against the velocity"),
@@ -285,7 +285,7 @@ _BUDGET = (
 
 
 def budget_table(budget: Budget) -> Table:
-    """Tabulate what the thrust went into: ideal minus all losses is what was gained."""
+    """Tabulate the delta-V budget: ideal minus all losses is the speed gained."""
     rows = [
         Row(f"{name}: {meaning}", (parts.number(getattr(budget, field), 2),))
         for name, field, meaning in _BUDGET
@@ -303,13 +303,13 @@ def budget_table(budget: Budget) -> Table:
 
 @dataclass(frozen=True)
 class Told:
-    """Hold what the table of several flights tells of one: numbers at its end, and its budget.
+    """Hold a flight's column in the table of several flights.
 
     Attributes:
         verdict: in a few words.
         m_f_kg, t_meco_s, t_plf_s: final mass, cut-off and jettison; None: unknown.
         errors: flown minus target, by the names of the judge.
-        budget: what the thrust went into.
+        budget: its delta-V budget.
     """
 
     verdict: str
@@ -321,7 +321,7 @@ class Told:
 
 
 def told_of(summary: FlightSummary, budget: Budget) -> Told:
-    """Return what is told of a recorded flight beside others."""
+    """Return the column of a recorded flight."""
     return Told(
         summary.verdict,
         summary.m_f_kg,
@@ -333,7 +333,7 @@ def told_of(summary: FlightSummary, budget: Budget) -> Told:
 
 
 def compare(names: Sequence[str], told: Sequence[Told]) -> Table:
-    """The flights beside each other, and below each number its difference from the first."""
+    """Tabulate flights side by side, with each number's difference from the first."""
     columns = tuple(Column(chosen_name(name)) for name in names)
     rows = [
         Row("", tuple(word(one.verdict) for one in told)),
@@ -354,7 +354,7 @@ def compare(names: Sequence[str], told: Sequence[Told]) -> Table:
 
 
 def _compared(label: str, values: Sequence[float | None], decimals: int | None) -> Row:
-    """A row of `compare`; None of the decimals: two figures."""
+    """Make a row of `compare`; `decimals` None: two significant figures."""
 
     def cell(value: float, *, signed: bool = False) -> Cell:
         if math.isnan(value):

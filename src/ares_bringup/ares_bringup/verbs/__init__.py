@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs of the command line: their options and help, by what they are about."""
+"""The verbs of the command line: options and help, by subject."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line itself, and the options that several verbs have.
+"""Define the command line and the options shared by several verbs.
 
-What only one verb needs is imported by that verb: the command line starts fast.
+Imports of a single verb are made in that verb, so that the command line starts fast.
 """
 
 import sys
@@ -26,10 +26,10 @@ from ares_guidance.registry import law_names
 from ares_models.registry import registered
 from ares_node.requirements import unmet
 
-#: When the command began, s of time.monotonic().
+#: Start of the command, s of time.monotonic().
 BEGUN = time.monotonic()
 
-#: Where pages are served: for this machine alone.
+#: Default address of pages: this machine only.
 LOOPBACK = "127.0.0.1"
 
 EXIT_STATUSES = """Exit status:
@@ -73,7 +73,7 @@ OtherMission = Annotated[
     str | None,
     typer.Option(help="Mission to take instead of the one in the bag; needed if there is none."),
 ]
-#: Laws that a flight without the optimizer's node cannot start; a test asks the laws.
+#: Laws that need the optimizer's node; a test compares this with the laws.
 TOLD_OF_A_TRAJECTORY = ("peg_thesis",)
 SELF_STARTING_HELP = LAWS_HELP.replace("".join(f", {name}" for name in TOLD_OF_A_TRAJECTORY), "")
 TablesOrJson = Annotated[
@@ -84,7 +84,7 @@ HoldTime = Annotated[
     float | None, typer.Option(help="Time to go from which the steering is held, s.")
 ]
 HeatingSourceOption = Annotated[
-    HeatingSource | None, typer.Option(help="What times the fairing jettison.")
+    HeatingSource | None, typer.Option(help="Source of the time of the fairing's jettison.")
 ]
 LiveHost = Annotated[
     str, typer.Option(help="Serve the page there; beyond this machine its address has a token.")
@@ -104,17 +104,17 @@ SchemaOut = Annotated[
 
 
 class BadInput(Exception):
-    """The command cannot do what was asked; the text is one line."""
+    """Report in one line that the command cannot do what was requested."""
 
 
 class _Lists(TyperGroup):
-    """A verb that lists, or checks what it is given, unless another word follows it."""
+    """Run the default command unless a subcommand follows."""
 
-    #: The command that is meant where none is named.
+    #: Default command.
     default = "list"
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """What is no word of the verb is a file to list."""
+        """Insert the default command before a word that is no subcommand."""
         if not args or args[0] not in (*self.commands, *ctx.help_option_names):
             args = [self.default, *args]
         return super().parse_args(ctx, args)
@@ -177,10 +177,10 @@ def _refusing(reason: str) -> Callable[[], None]:
 
 
 def needs(extra: str) -> None:
-    """See that what an extra of the package brings is installed.
+    """Check that the packages of an extra are installed.
 
     Raises:
-        CannotStart: it is not; one line.
+        CannotStart: they are not; one line.
     """
     reason = unmet("ares_bringup", extra)
     if reason is not None:
@@ -188,21 +188,21 @@ def needs(extra: str) -> None:
 
 
 def one_line(text: str) -> str:
-    """A text without its line breaks."""
+    """Join a text to one printable line."""
     return printable(" ".join(text.split()))
 
 
 def live_options(host: str, port: int, no_browser: bool, as_json: bool) -> LiveOptions:
-    """The page, opened and waited for where a person sits before it."""
+    """Make the options of the live page, opened and awaited if a terminal is attached."""
     watched = sys.stderr.isatty() and not as_json
     return LiveOptions(host, port, watched and not no_browser and has_display(), watched)
 
 
 def check_page(live: bool, host: str, port: int, no_browser: bool) -> None:
-    """See that no option of the page is given without it.
+    """Check that options of the page are given only with the page.
 
     Raises:
-        BadInput: one is.
+        BadInput: one is given without it.
     """
     if not live and (host != LOOPBACK or port or no_browser):
         raise BadInput("--live-host, --live-port and --no-browser go with --live only")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded flights: look into them, play them, draw them, hand them on."""
+"""Define the verbs on recorded flights: bag, replay, plot, report, export."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions and dispersions: list, check, write anew."""
+"""Define the verbs on missions and dispersions: list, check, new, schema."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fly a mission."""
+"""Define the verb that flies a mission."""
 
 import json
 import os
@@ -42,7 +42,7 @@ from ares_bringup.verbs.app import (
     live_options,
 )
 
-#: Real-time factor of a flight that is looked at, unless another is given.
+#: Default real-time factor of a flight with a live page.
 PACE_TO_WATCH = 10.0
 
 
@@ -55,7 +55,7 @@ def fly(
     ] = False,
     sealed: Annotated[
         bool,
-        typer.Option("--sealed", help="Draw a key: no node takes a word that has no proof by it."),
+        typer.Option("--sealed", help="Draw a key: nodes refuse messages without its proof."),
     ] = False,
     as_json: TablesOrJson = False,
     bag: Annotated[
@@ -106,7 +106,7 @@ def fly(
     heating_source: HeatingSourceOption = None,
     initial_guess: Annotated[
         InitialGuess,
-        typer.Option(help="Where guidance starts: from nothing, or asking the optimizer's node."),
+        typer.Option(help="Initial guess of guidance: none, or from the optimizer's node."),
     ] = InitialGuess.NONE,
     attitude_rate_limit: Annotated[
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
@@ -179,7 +179,7 @@ def fly(
 
 
 def _fly(options: FlyOptions, as_json: bool) -> int:
-    """Fly, show how it goes on, tell how it went: as a table, or as one JSON object."""
+    """Fly, show the progress, print the summary as tables or as one JSON object."""
     from ares_bringup.doubts import show_warnings
     from ares_bringup.fly import fly as fly_mission
 
@@ -198,7 +198,7 @@ def _fly(options: FlyOptions, as_json: bool) -> int:
             show=show or (lambda _monitor: None),
         )
     if summary.interrupted and not summary.started and not as_json:
-        # nothing has happened that a table could show
+        # no event to tabulate
         kept = f"; the bag {summary.bag} is empty" if summary.bag else "; nothing was written"
         print(f"ares: interrupted before the flight began{kept}", file=sys.stderr)
     elif as_json:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Take part in a graph that others have started."""
+"""Define the verbs that join a running graph."""
 
 import os
 import signal
@@ -44,7 +44,7 @@ def live(
     ] = None,
     namespace: Namespace = "ares",
 ) -> None:
-    """Follow whatever flight or replay there is on a page in the browser, until Ctrl-C."""
+    """Follow any flight or replay on a page in the browser, until Ctrl-C."""
     needs("live")
     from ares_bringup.audience import follow
 
@@ -67,6 +67,6 @@ def node(
     from ares_bringup.discovery import apply_discovery_settings
 
     apply_discovery_settings()
-    # until the node takes them: Python would print a traceback while it starts
+    # blocked until the node handles them, since Python would print a traceback during start-up
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many flights, the optimum."""
+"""Define the verbs of studies: optimum, campaigns, aborts."""
 
 from pathlib import Path
 from typing import Annotated
@@ -45,8 +45,8 @@ def optimize(
     heating: Annotated[
         Heating | None,
         typer.Option(
-            help="Where the heating limit holds: when the fairing goes, from then on, nowhere; "
-            "default: as the mission says."
+            help="When the heating limit holds: at the fairing's jettison, from it on, or never; "
+            "default: as in the mission."
         ),
     ] = None,
     hold_jettison: Annotated[
@@ -67,7 +67,7 @@ def optimize(
     ] = None,
     jettison_target: Annotated[
         JettisonTarget | None,
-        typer.Option(help="Of analytic: target of part one, found from; default: mission."),
+        typer.Option(help="Of analytic: source of the target of part one; default: mission."),
     ] = None,
     maximize: Annotated[
         Maximize | None,
@@ -233,7 +233,7 @@ def aborts(
     as_json: TablesOrJson = False,
     out: Annotated[Path | None, typer.Option(help="Write the map as an HTML page.")] = None,
 ) -> None:
-    """Fly every failure at every second; set it beside the optimizer that knew of it.
+    """Fly every failure at every second; compare with the optimizer that knows of it.
 
     Exit status 1: the map is made, but points failed.
     """

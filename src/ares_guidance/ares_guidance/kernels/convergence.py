@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A law that repeats a pass until it settles.
+"""Search of a law that iterates a predictor-corrector pass to convergence.
 
-`iterate` and `LAW` are PEG's. A law with another pass has a copy of this module
+`iterate` and `LAW` are PEG's. A law with another pass gets a copy of this module
 (`ares_models.jit.specialised`).
 """
 
@@ -20,21 +20,20 @@ from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 
-#: What `state.law` becomes.
+#: Value of `state.law` for solutions by the pass.
 LAW = LAW_PEG
-#: Of the tolerance, to be met in so many passes more in the last cycle before the steering is
-#: held: nothing comes after to make up for what it leaves.
+#: Fraction of the tolerance, and number of extra passes, in the last cycle before the steering is
+#: held: no later cycle corrects its residual.
 LAST_SHARE = 0.01
 LAST_PASSES = 20
-#: rad; the same as `small_turn_limit` once something has failed, and in a flight by legs. What is
-#: left of the vehicle, or a leg with its coasts, may be long and weak, where the expansion about
-#: the mean costs mass.
+#: Replaces `small_turn_limit`, rad, after a failure and in a flight by legs. Their burns may be
+#: long at low thrust, where the expansion about the mean direction costs mass.
 SMALL_WHERE_LONG = 0.2
 
 
 @kernel
 def converge(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
-    """Repeat the pass until it settles.
+    """Iterate the pass to convergence.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
 
@@ -60,12 +59,12 @@ def converge(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
 
 @kernel
 def settle(mission: MissionRecords, onboard: Onboard) -> int:
-    """Before the steering is held: repeat the pass until next to nothing moves.
+    """Tighten the convergence in the last cycle before the steering is held.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
 
     Returns:
-        ERROR_NONE, at once in any other cycle; ERROR_NOT_CONVERGED.
+        ERROR_NONE, immediately in any other cycle, or ERROR_NOT_CONVERGED.
     """
     settings = onboard.settings
     solution = onboard.state.solution
@@ -81,7 +80,7 @@ def settle(mission: MissionRecords, onboard: Onboard) -> int:
 
 @kernel
 def begin_again(mission: MissionRecords, onboard: Onboard, cold: bool) -> None:
-    """Put back what the search began with."""
+    """Restore the initial guess of the search."""
     if cold:
         start_guess(mission, onboard)
     else:
@@ -90,16 +89,14 @@ def begin_again(mission: MissionRecords, onboard: Onboard, cold: bool) -> None:
 
 @kernel
 def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """A solution by the law that ends whenever it likes.
-
-    Where small angles do not lead to one, it goes through large angles.
+    """Solve with the cut-off free, by small angles if possible, else by large angles.
 
     Args:
-        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
-        onboard: what is on board. Changed.
-        cold: there is no solution to go on from.
+        mission: as guidance believes it.
+        onboard: state of guidance. Changed.
+        cold: there is no solution to continue from.
 
-    Returns: as :func:`converge`.
+    Returns: as in :func:`converge`.
     """
     state = onboard.state
     state.turn.held = 0.0
@@ -114,11 +111,11 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
         if math.isinf(limit):
             return error, reachable
         good = error == ERROR_NONE and reachable and state.solution.turn <= limit
-        # what a first solution asks for beyond the propellant may be the price of its small angles
+        # a first solution may lack propellant only because of its small-angle expansion
         dear = lacking_speed(state) if good and cold else 0.0
         if good and not dear > SETTLED and settle(mission, onboard) == ERROR_NONE:
             return ERROR_NONE, True
-        # too late to mend the position, speed and angle are still worth having
+        # too late to correct the position: accept a solution for speed and angle
         late = state.solution.time_to_go <= onboard.settings.restart_time
         small = state.solution.turn < STEEPEST or not reachable or late
         small_does = error == ERROR_NONE and small
@@ -138,11 +135,12 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
 
 @kernel
 def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """A solution by the law that flies the arcs before the last whole.
+    """Solve with the arcs before the last flown in full.
 
     Args: as in :func:`seek_free`.
 
-    Returns: as there; the target cannot be reached where what it does not need cannot be spent.
+    Returns: as in :func:`seek_free`; the target counts as out of reach if surplus delta-V of the
+        earlier arcs cannot be spent.
     """
     state = onboard.state
     if state.turn.held > 0.0:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The guidance cycle that every law shares: start, solve, gates, hold, cut-off, jettison.
+"""Guidance cycle shared by all laws: start, solve, gates, hold, cut-off, jettison.
 
-`seek` is PEG's. Each other law has a copy of this module with a `seek` of its own
-(`ares_models.jit.specialised`), so that a flight compiles the law that it flies.
+`seek` is PEG's. Each other law gets a copy of this module with its own `seek`
+(`ares_models.jit.specialised`), so that a flight compiles only the law that it flies.
 """
 
 import math
@@ -29,14 +29,14 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels.convergence import begin_again, seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
-from ares_guidance.kernels.failures import look_for_failures, vehicle_left
+from ares_guidance.kernels.failures import detect_failures, vehicle_left
 from ares_guidance.kernels.jettison import next_answer, predict_jettisons
 from ares_guidance.kernels.near import (
     CHEAP_TURN,
     NEAR_ROUNDS,
     begin_near,
-    is_dear,
-    may_let_go,
+    costs_too_much,
+    may_release_radius,
     move_radius,
 )
 from ares_guidance.kernels.prediction import LinearTangent
@@ -74,15 +74,15 @@ from ares_models.kernels.vectors import (
 )
 
 CUTOFF_SEARCH_STEPS = 4
-#: s, by which the last of them may still move the cut-off: one that moves it on is on no way to it.
+#: Largest change of the cut-off in the last of these steps, s; a larger one means divergence.
 CUTOFF_SETTLED = 0.1
-#: s, over which the speed that the target asks for is differenced along the flight.
+#: Step of the finite difference of the target speed along the flight, s.
 DIFFERENCE = 0.1
 
 
 @kernel
 def throttled_thrust(state: Record, t: float) -> tuple[float, float, float]:
-    """What the planned thrust gives in ``t`` s: velocity m/s, its mean time s, m/s2 at the end."""
+    """Return delta-V m/s, its mean time s and final acceleration m/s2 of ``t`` s of the plan."""
     gain, moment, _, _, _, _ = thrust_integrals(state, t, t)
     i = 0
     while i + 1 < state.segment_count and state.segments[i + 1].start < t:
@@ -93,14 +93,14 @@ def throttled_thrust(state: Record, t: float) -> tuple[float, float, float]:
 
 @kernel
 def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
-    """Time to go under frozen steering: when the speed will be that of the target.
+    """Return the time to go to the target speed under held steering.
 
-    Before the last arc it stays as it is.
+    Newton's method on the speed. Before the last arc the time to go is left as it is.
 
     Args: as in :func:`guidance_step`.
 
     Returns:
-        s from now, at full thrust; as planned where it is not found.
+        s from now, counted at full thrust; the planned value if the iteration fails.
     """
     environment = mission.environment
     nav = onboard.navigation
@@ -108,7 +108,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     solution = state.solution
     arc = mission.arcs[nav.arc]
     if nav.arc + 1 < mission.arcs.shape[0]:
-        # the cut-off is that of the last arc: those before are flown whole
+        # only the last arc is cut off: the arcs before it are flown in full
         return solution.time_to_go
     r = load(nav.position)
     v = load(nav.velocity)
@@ -124,7 +124,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     t = max(solution.time_to_go, 0.0)
     step = 0.0
     for _ in range(CUTOFF_SEARCH_STEPS):
-        # no burn lasts longer than the mass
+        # stay below the time at which the mass would reach zero
         t = min(t, 0.98 * tau)
         l_t = -ve * math.log1p(-t / tau)
         middle = t
@@ -140,7 +140,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         speed = norm(v_t)
         wanted = target_speed(mission.target, environment.mu, norm(axpy(horizon, v, r)))
         after = target_speed(mission.target, environment.mu, norm(axpy(horizon + DIFFERENCE, v, r)))
-        # an orbit asks for less the higher it is met
+        # the speed of an orbit decreases with the radius
         gain = dot(v_t, axpy(acceleration, u, g)) / speed - (after - wanted) / DIFFERENCE
         if gain <= 0.0:
             return float(solution.time_to_go)
@@ -153,7 +153,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
 
 @kernel
 def accept(onboard: Onboard) -> None:
-    """Hand the solution under iteration to the vehicle."""
+    """Copy the solution under iteration to the steering that is commanded."""
     solution = onboard.state.solution
     steering = onboard.steering
     steering.reference_time = solution.reference_time
@@ -166,7 +166,7 @@ def accept(onboard: Onboard) -> None:
 
 @kernel
 def adopt_steering(onboard: Onboard) -> None:
-    """Make the steering in force the one that is held."""
+    """Copy the steering in force back into the solution, to hold it."""
     solution = onboard.state.solution
     steering = onboard.steering
     solution.reference_time = steering.reference_time
@@ -177,7 +177,7 @@ def adopt_steering(onboard: Onboard) -> None:
 
 @inlined
 def aimed_lower(mission: MissionRecords, state: Record) -> MissionRecords:
-    """The mission with the target that is within reach."""
+    """Return the mission with the target that guidance aims at."""
     return MissionRecords(
         mission.environment, mission.atmosphere, mission.arcs, mission.jettisons, state.target
     )
@@ -185,7 +185,7 @@ def aimed_lower(mission: MissionRecords, state: Record) -> MissionRecords:
 
 @kernel
 def aim_anew(mission: MissionRecords, state: Record, aim: int) -> None:
-    """Aim at the mission's target, or at the safe orbit, not lowered."""
+    """Set the aim to the mission's target or to the safe orbit, not lowered."""
     state.aim = aim
     state.lowered = 0.0
     state.target = mission.target
@@ -195,12 +195,12 @@ def aim_anew(mission: MissionRecords, state: Record, aim: int) -> None:
 
 @kernel
 def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """As :func:`seek`, for what is aimed at, lowered as far as the propellant is short.
+    """Solve for the present aim, lowered by the delta-V that the propellant lacks.
 
     Args:
-        mission: as in :func:`guidance_step`; so the next.
-        onboard: what is on board. Changed.
-        cold: there is no solution to go on from.
+        mission: as guidance believes it.
+        onboard: state of guidance. Changed.
+        cold: there is no solution to continue from.
 
     Returns:
         ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
@@ -215,7 +215,7 @@ def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple
         if lacking < 0.0 and state.lowered == 0.0:
             break
         if lacking < -state.lowered:
-            # what is aimed at is within reach again
+            # the full target is within reach again
             aim_anew(mission, state, state.aim)
         else:
             state.lowered += lower_target(state.target, mission.environment.mu, lacking)
@@ -225,11 +225,11 @@ def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple
 
 @kernel
 def seek_near(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
-    """As :func:`seek`, for the target but for its radius.
+    """Solve for the target with its radius released.
 
     Args: as in :func:`seek_lowered`.
 
-    Returns: as there.
+    Returns: as in :func:`seek_lowered`.
     """
     state = onboard.state
     aimed = aimed_lower(mission, state)
@@ -246,11 +246,11 @@ def seek_near(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
 
 @kernel
 def seek_late(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
-    """The target if it costs next to nothing more than the end near it; else that.
+    """Solve near cut-off: for the exact target if it costs little, else with radius released.
 
     Args: as in :func:`seek_lowered`.
 
-    Returns: as there.
+    Returns: as in :func:`seek_lowered`.
     """
     state = onboard.state
     error, reachable = ERROR_NONE, True
@@ -260,7 +260,7 @@ def seek_late(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
         if state.lowered > 0.0:
             return error, reachable
         small = state.solution.primer.gradient == 0.0
-        # a turn that is held to the steepest misses the position
+        # a turn that is clipped to the steepest misses the position
         missed = small and state.solution.turn >= STEEPEST
         sought = error == ERROR_NONE and reachable and not missed
         cheap = state.found.fresh == SOLVED or (small and state.solution.turn <= CHEAP_TURN)
@@ -270,7 +270,7 @@ def seek_late(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
     near_error, near_reachable = seek_near(mission, onboard)
     if state.found.fresh == JUST_FOUND:
         state.found.fresh = UNSOLVED
-    if sought and (near_error != ERROR_NONE or not is_dear(state)):
+    if sought and (near_error != ERROR_NONE or not costs_too_much(state)):
         state.solution = state.exact
         aim_anew(mission, state, AIM_TARGET)
         return error, reachable
@@ -279,11 +279,14 @@ def seek_late(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
 
 @kernel
 def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """The target; else the target lowered, if that is safe; else a safe orbit; else the former.
+    """Solve for the best aim within reach.
+
+    In this order: the target; the lowered target, if its perigee is safe; a safe orbit; the
+    lowered target all the same.
 
     Args: as in :func:`seek_lowered`.
 
-    Returns: as there.
+    Returns: as in :func:`seek_lowered`.
     """
     state = onboard.state
     mu = mission.environment.mu
@@ -291,13 +294,13 @@ def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> 
         aim_anew(mission, state, AIM_TARGET)
     elif state.lowered == 0.0 and state.aim != AIM_NEAR:
         aim_anew(mission, state, state.aim)
-    if may_let_go(mission, onboard, cold):
+    if may_release_radius(mission, onboard, cold):
         return seek_late(mission, onboard)
     error, reachable = seek_lowered(mission, onboard, cold)
     unsolved = error != ERROR_NONE and state.found.fresh != SOLVED
     to_gain = norm(load(state.saved.velocity_to_go)) if unsolved else 0.0
     if unsolved and state.lowered < MOST_DOWN * to_gain:
-        # so much is out of reach that nothing leads there: a step down in every cycle
+        # too far out of reach to converge: lower the target by one step in each cycle
         begin_again(mission, onboard, cold)
         state.lowered += lower_target(state.target, mu, STEP_DOWN * to_gain)
         error, reachable = seek_lowered(mission, onboard, cold)
@@ -320,10 +323,7 @@ def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> 
 
 @kernel
 def gate(onboard: Onboard) -> int:
-    """Compare a new solution with the steering in force; ERROR_NONE if it may be flown.
-
-    A good solution moves little from one cycle to the next.
-    """
+    """Compare a new solution with the steering in force; return ERROR_NONE or the jump's error."""
     nav = onboard.navigation
     settings = onboard.settings
     solution = onboard.state.solution
@@ -352,7 +352,7 @@ def gate(onboard: Onboard) -> int:
 
 @kernel
 def solve(mission: MissionRecords, onboard: Onboard) -> None:
-    """Iterate to convergence and pass the gates, or keep the last good solution.
+    """Iterate to convergence and apply the gates, or keep the last good solution.
 
     Args: as in :func:`guidance_step`.
     """
@@ -365,7 +365,7 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
     state.total_iterations += state.iterations
     if error == ERROR_NONE and not reachable:
         error = ERROR_TARGET_UNREACHABLE
-    # what has failed moves everything
+    # after a failure the solution may jump
     first = cold or state.engines.jumped == 1 or state.found.fresh != SOLVED
     if error == ERROR_NONE and not first and state.stale_cycles < settings.max_stale_cycles:
         error = gate(onboard)
@@ -381,15 +381,15 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
     state.stale_cycles += 1
     restart = state.stale_cycles > settings.max_stale_cycles
     if not cold and restart and state.saved.time_to_go < settings.restart_time:
-        # too late to begin again: what was good so far is nearly exact
+        # too late to restart: hold the last good solution, which is nearly exact
         state.solution = state.saved
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     elif cold and not restart and math.isfinite(state.solution.miss_speed):
-        # slow but on its way: the next cycle goes on from here
+        # slow convergence: continue in the next cycle
         state.phase = PHASE_CONVERGING
     elif cold or restart:
-        # nothing worth keeping: begin again from the navigation state
+        # restart from the navigation state
         state.phase = PHASE_CONVERGING
         state.stale_cycles = 0
         start_guess(mission, onboard)
@@ -399,7 +399,7 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def point_along_velocity(onboard: Onboard) -> None:
-    """Steering while there is no solution."""
+    """Steer along the velocity while there is no solution."""
     nav = onboard.navigation
     steering = onboard.steering
     steering.reference_time = nav.time
@@ -408,7 +408,7 @@ def point_along_velocity(onboard: Onboard) -> None:
 
 @kernel
 def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
-    """Begin the flight, or bring the last solution to the present navigation state.
+    """Begin the flight, or update the last solution to the present navigation state.
 
     Args: as in :func:`guidance_step`.
     """
@@ -439,12 +439,12 @@ def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
-    """Close to the end: freeze the steering, refine the cut-off, and come to it.
+    """Hold the steering near the end, refine the cut-off time, and command the cut-off.
 
     Args:
-        mission: as in :func:`guidance_step`; so the next.
-        onboard: what is on board. Changed.
-        before: time of the navigation state before, s: the vehicle takes no cut-off before it.
+        mission: as guidance believes it.
+        onboard: state of guidance. Changed.
+        before: time of the previous navigation state, s; the vehicle refuses an earlier cut-off.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -463,7 +463,7 @@ def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
 
 @kernel
 def run_cycle(mission: MissionRecords, onboard: Onboard) -> None:
-    """The cycle that is due.
+    """Run the guidance cycle that is due.
 
     Args: as in :func:`guidance_step`.
     """
@@ -472,20 +472,20 @@ def run_cycle(mission: MissionRecords, onboard: Onboard) -> None:
     period = onboard.settings.cycle_period
     state.cycle += 1
     watch_engines(mission.arcs, onboard)
-    # whole periods, however many were missed
+    # advance by whole periods, even if several were missed
     behind = (nav.time + 1e-9 - state.next_cycle_time) / period
     state.next_cycle_time += (math.floor(behind) + 1.0) * period
     held = mission.arcs[nav.arc].held == 1 and nav.time > nav.arc_start_time + SAME_TIME
     if state.phase == PHASE_CONVERGING or (state.phase == PHASE_TRACKING and not held):
         solve(mission, onboard)
     else:
-        # nothing to decide, or not before the burn in held attitude is over
+        # held steering, or a burn in held attitude
         state.iterations = 0
 
 
 @kernel
 def time_jettison(mission: MissionRecords, onboard: Onboard) -> None:
-    """Command the next drop that the heating decides; close to it, refined on every state.
+    """Command the next heating jettison; near its time, predict it anew on every state.
 
     Args: as in :func:`guidance_step`.
     """
@@ -521,7 +521,7 @@ def time_jettison(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def answer_state(mission: MissionRecords, onboard: Onboard) -> None:
-    """As :func:`guidance_step`, for a sound state and the vehicle that is left."""
+    """Answer a valid navigation state for the remaining vehicle; arguments of `guidance_step`."""
     nav = onboard.navigation
     state = onboard.state
     before = state.time
@@ -536,18 +536,18 @@ def answer_state(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def guidance_step(mission: MissionRecords, onboard: Onboard) -> None:
-    """Answer one navigation state that is sound: a cycle when it is due, else the last answer.
+    """Answer one valid navigation state: run a cycle if due, else repeat the last answer.
 
     Before the first converged solution the thrust points along the velocity.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board: the navigation state, and ``steering``, the answer. Changed.
+        onboard: state of guidance: the navigation state, and ``steering``, the answer. Changed.
     """
     state = onboard.state
     if state.phase == PHASE_CUTOFF:
         return
-    look_for_failures(mission, onboard)
+    detect_failures(mission, onboard)
     if state.left.count == 0:
         answer_state(mission, onboard)
     else:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the engines give, against what the mission says: measured between two cycles."""
+"""Measured thrust and mass flow over the mission's, from one cycle to the next."""
 
 import math
 from typing import Any
@@ -9,29 +9,29 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
-from ares_models.kernels.throttle import FULL, stretch
+from ares_models.kernels.throttle import FULL, throttle_regime
 from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import load, norm, store, sub
 
-#: s; shorter spans measure noise.
+#: Shortest measurement, s; noise dominates a shorter one.
 SHORTEST = 0.5
-#: s after the ignition command, by which an engine that starts late has started.
+#: Latest full thrust after the ignition command, s, with a delayed start.
 LATEST = 3.0
-#: A ratio closer to 1 than this is the mission's own engine, seen through rounding.
+#: Deviation of a ratio from 1 that is rounding.
 SAME = 2e-5
-#: A change beyond this is a failure and taken at once; a smaller one is smoothed.
+#: A larger change of a ratio is a failure and taken at once; a smaller one is filtered.
 STEP = 0.03
 GAIN = 0.3
 LOWEST, HIGHEST = 0.2, 2.0
 
 
 @kernel
-def steady(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
-    """Whether the present arc has burnt at full thrust, alone, since a time."""
+def burns_steadily(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
+    """Return whether only the present arc has burnt, at full thrust, since time ``since``, s."""
     arc = arcs[nav.arc]
     begun = nav.arc_start_time
     if math.isfinite(arc.max_acceleration):
-        kind, _ = stretch(arc, (arc.exhaust_velocity, arc.mass_flow), nav.mass)
+        kind, _ = throttle_regime(arc, (arc.exhaust_velocity, arc.mass_flow), nav.mass)
         if kind != FULL:
             return False
     if arc.kind != BURN or since < begun + max(LATEST, start_length(arc)):
@@ -40,8 +40,8 @@ def steady(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
 
 
 @kernel
-def follow(before: float, measured: float) -> float:
-    """A ratio after a new measurement."""
+def filter_ratio(before: float, measured: float) -> float:
+    """Filter a ratio with a new measurement."""
     if not LOWEST <= measured <= HIGHEST:
         return before
     if abs(measured - 1.0) < SAME:
@@ -55,11 +55,11 @@ def follow(before: float, measured: float) -> float:
 def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
     """Measure thrust and mass flow of the present burn against the mission's.
 
-    From the mass and the sensed velocity at both ends: thrust = gain flow / ln(m0 / m1).
+    From mass and sensed velocity at both ends: thrust = gain flow / ln(m0 / m1).
 
     Args:
         arcs: dtype ARC.
-        onboard: what is on board. ``thrust_ratio``, ``flow_ratio`` and ``engines`` of its
+        onboard: state of guidance. ``thrust_ratio``, ``flow_ratio`` and ``engines`` of its
             state are updated.
     """
     nav = onboard.navigation
@@ -68,7 +68,7 @@ def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
     span = nav.time - engines.time
     if engines.mass > 0.0 and 0.0 <= span < SHORTEST:
         return
-    # a burn that nobody foresaw: engines have failed
+    # a burn of length 0 exists only after an engine failure
     unforeseen = arcs[nav.arc].kind == BURN and arcs[nav.arc].duration == 0.0
     engines.jumped = 1 if unforeseen and nav.arc != engines.arc else 0
     if state.thrust_ratio == 0.0 or arcs[nav.arc].stage != engines.stage:
@@ -79,16 +79,16 @@ def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
         and nav.jettisoned == engines.jettisoned
         and nav.arc == engines.arc
         and 0.0 < nav.mass < engines.mass
-        and steady(nav, engines.time, arcs)
+        and burns_steadily(nav, engines.time, arcs)
     ):
         arc = arcs[nav.arc]
         flow = (engines.mass - nav.mass) / span
         gain = norm(sub(load(nav.sensed_delta_v), load(engines.sensed_delta_v)))
         thrust = gain * flow / math.log(engines.mass / nav.mass)
         before = state.thrust_ratio
-        state.thrust_ratio = follow(before, thrust / arc.thrust)
+        state.thrust_ratio = filter_ratio(before, thrust / arc.thrust)
         engines.jumped = 1 if abs(state.thrust_ratio - before) > STEP else 0
-        state.flow_ratio = follow(state.flow_ratio, flow / arc.mass_flow)
+        state.flow_ratio = filter_ratio(state.flow_ratio, flow / arc.mass_flow)
     engines.time = nav.time
     engines.mass = nav.mass
     engines.arc = nav.arc
@@ -99,7 +99,7 @@ def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
 
 @kernel
 def present_engine(arc: Record, stage: int, state: Record) -> tuple[float, float]:
-    """Exhaust velocity m/s and mass flow kg/s of an arc, as measured if of this stage."""
+    """Return exhaust velocity m/s and mass flow kg/s of an arc; in stage ``stage`` as measured."""
     if arc.stage != stage or state.thrust_ratio == 0.0:
         return arc.exhaust_velocity, arc.mass_flow
     ratio = state.thrust_ratio / state.flow_ratio

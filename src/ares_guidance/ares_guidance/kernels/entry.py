@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where Python enters a law: the arrays of a flight become records.
+"""Entry from Python into a law: convert the arrays of a flight to records.
 
-`guarded_step` is PEG's; each law has a copy of this module with its own.
+`guarded_step` is PEG's; each law gets a copy of this module with its own.
 """
 
 from ares_guidance.arrays import Onboard, OnboardArrays
@@ -13,7 +13,7 @@ from ares_models.kernels.records import mission_records
 
 @inlined
 def onboard_records(onboard: OnboardArrays) -> Onboard:
-    """Return the records of what is on board, but the law's own memory."""
+    """Return the records of the state of guidance, without the law's own memory."""
     return Onboard(
         onboard.navigation[0], onboard.settings[0], onboard.state[0], onboard.steering[0]
     )
@@ -21,5 +21,5 @@ def onboard_records(onboard: OnboardArrays) -> Onboard:
 
 @kernel
 def answer(mission: MissionArrays, onboard: OnboardArrays) -> None:
-    """One step of the law; arguments as of :func:`ares_guidance.kernels.cycle.guidance_step`."""
+    """Step the law; arguments as in :func:`ares_guidance.kernels.cycle.guidance_step`."""
     guarded_step(mission_records(mission), onboard_records(onboard), onboard.memory[0])

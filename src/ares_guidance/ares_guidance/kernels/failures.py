@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has failed, found from what navigation senses, and the vehicle that is left.
+"""Failure detection from navigation, and the arcs and jettisons of the remaining vehicle.
 
-Every second the thrust since the last look is held against what the same engines gave before
-(against the mission's at a stage's first look), the end of a burn against when it should have
-come, what is aboard against what should be gone. What is found changes the arcs and jettisons
-that guidance plans with; no other part of guidance knows of failures.
+Every second the thrust since the last check is compared with that of the same engines before (at a
+stage's first check with the mission's), the end of a burn with its expected time, and the parts
+aboard with those that should have been dropped. A finding changes the arcs and jettisons that
+guidance plans with; no other part of guidance models failures.
 """
 
 import math
@@ -25,43 +25,44 @@ from ares_guidance.arrays import (
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.sequence import aboard, drop_time, empty_mass, last_ignition
-from ares_models.kernels.throttle import FULL, LEAST, LIMITED, stretch
+from ares_models.kernels.throttle import FULL, LEAST, LIMITED, throttle_regime
 from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import load, norm, store, sub
 from ares_models.kernels.weakened import weaken_stage
 
-#: s between two looks.
+#: Period of the checks, s.
 LOOK = 1.0
 ROUNDING = 1e-6
-#: Change of thrust from one look to the next that no engine makes by itself.
+#: Relative change of thrust between two checks beyond that of a sound engine.
 CHANGE = 0.02
-#: Difference from the mission's thrust at a stage's first look that no engine has: ten sigma of
-#: the standard dispersions.
+#: Relative difference from the mission's thrust at a stage's first check beyond that of a sound
+#: engine: ten sigma of the standard dispersions.
 FOREIGN = 0.1
-#: Least ratio that is a burn at all.
+#: Least thrust ratio that counts as a burn.
 BURNS = 0.005
-#: s after the start by which the latest engine burns at full thrust.
+#: Largest delay of full thrust beyond the start transient, s.
 LATEST = 3.0
-#: In the start: as steady from look to look, and as much of the thrust, is no ramp.
+#: A start transient is over if the thrust ratio changes by less than PLATEAU between checks and
+#: exceeds LEAST_PLATEAU.
 PLATEAU = 0.005
 LEAST_PLATEAU = 0.2
-#: Acceleration above its limit that no throttle leaves: one that is stuck just before a look
-#: passes it by the next but one, at 3 g by 0.0033.
+#: Relative excess over the acceleration limit that shows a stuck throttle. One that sticks just
+#: before a check exceeds it at the check after next; at 3 g by 0.0033.
 OVER = 0.003
-#: An arc that ends earlier by so much, s and as a part of it, has not ended by itself.
+#: An arc that ends earlier than planned by EARLY s plus this share of its length has failed.
 EARLY = 2.0
 EARLY_SHARE = 0.02
-#: s that a jettison may be late.
+#: Tolerated delay of a jettison, s.
 LATE = 0.75
-#: By which a share of the thrust may be off that of a whole number of engines: measured against
-#: the same engines before, and at a stage's first look, three sigma of the standard dispersions.
+#: Tolerance of a thrust share against that of a whole number of engines: measured against the same
+#: engines before; at a stage's first check, three sigma of the standard dispersions.
 SAME_SHARE = 0.005
 SAME_SHARE_AT_FIRST = 0.03
 
 
 @inlined
 def vehicle_left(mission: MissionRecords, state: Record) -> MissionRecords:
-    """The mission with the vehicle that is left."""
+    """Return the mission with the remaining vehicle."""
     return MissionRecords(
         mission.environment,
         mission.atmosphere,
@@ -72,11 +73,8 @@ def vehicle_left(mission: MissionRecords, state: Record) -> MissionRecords:
 
 
 @kernel
-def report(onboard: Onboard, kind: int, index: int, ratio: float) -> None:
-    """Note what was found; guidance plans anew at once, and no gate stops it.
-
-    So close to the end that the steering is held it stays held: the position cannot be mended.
-    """
+def record_finding(onboard: Onboard, kind: int, index: int, ratio: float) -> None:
+    """Record a finding; guidance plans anew at once, without gates, unless the steering is held."""
     state = onboard.state
     found = state.found
     found.kind = kind
@@ -94,10 +92,10 @@ def report(onboard: Onboard, kind: int, index: int, ratio: float) -> None:
 
 
 @kernel
-def begin_left(mission: MissionRecords, state: Record) -> bool:
-    """Make room for the vehicle that is left; whether guidance plans with it.
+def initialize_left(mission: MissionRecords, state: Record) -> bool:
+    """Initialize the remaining vehicle; return False in a flight by a plan of free arcs.
 
-    In a flight by a plan of free arcs the plan's arcs stay: only the measured engine is new.
+    There guidance keeps the plan's arcs and only takes the measured engine into account.
     """
     if state.plan.made == 1:
         return False
@@ -114,10 +112,10 @@ def begin_left(mission: MissionRecords, state: Record) -> bool:
 
 @kernel
 def engines_are_lost(arc: Record, found: Record) -> bool:
-    """Whether what the stage has lost is a whole number of its alike engines.
+    """Return whether the stage has lost a whole number of its identical engines.
 
-    The engines that are left then burn all propellant. Whatever else makes thrust and mass flow
-    fall, the clock ends the burn.
+    The remaining engines then burn all propellant. After any other loss of thrust and mass flow
+    the clock ends the burn.
     """
     left = found.total * arc.engines
     count = math.floor(left + 0.5)
@@ -127,7 +125,7 @@ def engines_are_lost(arc: Record, found: Record) -> bool:
 
 @kernel
 def end_by(left: Record, stage: int, propellant: bool) -> None:
-    """Let the propellant end what a stage has left to burn, or the clock."""
+    """Let either depletion or the clock end the remaining burns of a stage."""
     for k in range(left.count):
         if left.arcs[k].stage == stage:
             left.arcs[k].duration = left.by_propellant[k] if propellant else left.by_clock[k]
@@ -137,14 +135,14 @@ def end_by(left: Record, stage: int, propellant: bool) -> None:
 def weaken_left(
     left: Record, k: int, into: float, ratios: tuple[float, float], propellant: bool
 ) -> None:
-    """Weaken what a stage has left to burn; both lengths are kept, since a look may show more.
+    """Weaken the remaining burns of a stage; keep both lengths for later findings.
 
     Args:
         left: record LEFT. Changed.
         k: the present arc.
-        into: s since its begin.
-        ratios: thrust and mass flow after over before.
-        propellant: ends the burn; else the clock.
+        into: time since its start, s.
+        ratios: thrust and mass flow, after over before.
+        propellant: depletion ends the burns; else the clock.
     """
     stage = left.arcs[k].stage
     end_by(left, stage, True)
@@ -156,14 +154,14 @@ def weaken_left(
 
 
 @kernel
-def lit_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: float) -> bool:
-    """Whether the present arc, and it alone, has burnt as it goes on to burn since the last look.
+def has_burnt_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: float) -> bool:
+    """Return whether only the present arc has burnt since the last check, without a transient.
 
     Args:
         nav: record NAVIGATION.
         found: record FOUND.
         arcs: dtype ARC.
-        ratio: of its thrust since then.
+        ratio: measured over planned thrust since the last check.
     """
     arc = arcs[nav.arc]
     since = found.seen - nav.arc_start_time
@@ -174,10 +172,10 @@ def lit_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: float) -
     if nav.arc > 0 and arc.start_knots == 0:
         before = arcs[nav.arc - 1]
         if before.kind == BURN and before.stage == arc.stage:
-            # an arc later, and the same engines
+            # the same engines, one arc later
             return since >= 0.0
     if found.before - ratio > CHANGE:
-        # no start falls
+        # thrust never falls in a start transient
         return True
     if arc.start_knots == 0:
         return found.before > BURNS
@@ -186,13 +184,13 @@ def lit_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: float) -
 
 @kernel
 def check_throttle(mission: MissionRecords, onboard: Onboard, gain: float, flow: float) -> bool:
-    """Look at a burn that is throttled; False: it is at full thrust, to be looked at as others.
+    """Check a throttled burn; return False if it is at full thrust and needs the common check.
 
     Args:
-        mission: with the vehicle as it is known; so the next.
-        onboard: what is on board. Changed.
-        gain: sensed since the last look, m/s.
-        flow: mean mass flow since then, kg/s.
+        mission: with the vehicle as known.
+        onboard: state of guidance. Changed.
+        gain: sensed since the last check, m/s.
+        flow: mean mass flow since the last check, kg/s.
     """
     nav = onboard.navigation
     found = onboard.state.found
@@ -201,8 +199,8 @@ def check_throttle(mission: MissionRecords, onboard: Onboard, gain: float, flow:
         return False
     thrust, consumed = (found.thrust, found.flow) if found.thrust > 0.0 else (1.0, 1.0)
     engine = (arc.exhaust_velocity * thrust / consumed, arc.mass_flow * consumed)
-    kind, _ = stretch(arc, engine, nav.mass)
-    earlier, _ = stretch(arc, engine, found.mass)
+    kind, _ = throttle_regime(arc, engine, nav.mass)
+    earlier, _ = throttle_regime(arc, engine, found.mass)
     if kind == FULL and earlier == FULL:
         return False
     ratio = gain / ((nav.time - found.seen) * arc.max_acceleration)
@@ -210,31 +208,31 @@ def check_throttle(mission: MissionRecords, onboard: Onboard, gain: float, flow:
         return True
     exhaust = gain / math.log(found.mass / nav.mass) / engine[0]
     odd = abs(exhaust - 1.0) > (CHANGE if found.thrust > 0.0 else FOREIGN)
-    if odd and begin_left(mission, onboard.state):
-        # the thrust is what it should be, and takes more propellant
+    if odd and initialize_left(mission, onboard.state):
+        # expected thrust at another exhaust velocity
         into = nav.time - nav.arc_start_time
         weaken_left(onboard.state.left, nav.arc, into, (exhaust, 1.0), False)
         found.total *= exhaust
-        report(onboard, FOUND_THRUST_LOW, nav.arc, found.total)
+        record_finding(onboard, FOUND_THRUST_LOW, nav.arc, found.total)
         return True
     if ratio > 1.0 + OVER:
-        if begin_left(mission, onboard.state):
+        if initialize_left(mission, onboard.state):
             stuck = onboard.state.left.arcs[nav.arc]
-            # at full thrust from now on: what the engine gives as the throttle stands
+            # model: constant full thrust equal to that of the stuck throttle
             stuck.mass_flow = flow
             stuck.exhaust_velocity = gain / math.log(found.mass / nav.mass)
             stuck.thrust = flow * stuck.exhaust_velocity
             stuck.max_acceleration = math.inf
             found.thrust = found.flow = 1.0
             onboard.state.thrust_ratio = onboard.state.flow_ratio = 1.0
-        report(onboard, FOUND_STUCK_THROTTLE, nav.arc, ratio)
-    # short of the limit where the throttle is open: the engine gives less
+        record_finding(onboard, FOUND_STUCK_THROTTLE, nav.arc, ratio)
+    # below the limit although the throttle could open: the engine is weak
     return not (kind == LIMITED and earlier == LIMITED and ratio < 1.0 - CHANGE)
 
 
 @kernel
 def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
-    """Hold the thrust since the last look against what it was before."""
+    """Compare the thrust since the last check with the thrust before."""
     nav = onboard.navigation
     state = onboard.state
     found = state.found
@@ -248,7 +246,7 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
     gain = found.gain
     flow = burnt / span
     thrust = gain * flow / math.log(found.mass / nav.mass) / arc.thrust
-    steady = lit_steadily(nav, found, mission.arcs, thrust)
+    steady = has_burnt_steadily(nav, found, mission.arcs, thrust)
     found.before = thrust
     if not steady or thrust < BURNS or check_throttle(mission, onboard, gain, flow):
         return
@@ -260,18 +258,20 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
         if found.total == 1.0:
             found.spread = SAME_SHARE if found.looks > 1 else SAME_SHARE_AT_FIRST
             if found.looks == 1:
-                # it may have been lost in the first look already
+                # the loss may have happened before the first check
                 found.total, found.total_flow = found.thrust, found.flow
         found.total *= ratio
         found.total_flow *= flows
         lost = engines_are_lost(arc, found)
-        if begin_left(mission, state):
+        if initialize_left(mission, state):
             weaken_left(state.left, nav.arc, nav.time - nav.arc_start_time, (ratio, flows), lost)
             if not known:
                 found.thrust = found.flow = 1.0
         else:
             found.thrust, found.flow = thrust, consumed
-        report(onboard, FOUND_ENGINE_LOST if lost else FOUND_THRUST_LOW, nav.arc, found.total)
+        record_finding(
+            onboard, FOUND_ENGINE_LOST if lost else FOUND_THRUST_LOW, nav.arc, found.total
+        )
     else:
         found.thrust, found.flow = thrust, consumed
         found.looks += 1
@@ -280,7 +280,7 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def check_clock(onboard: Onboard) -> None:
-    """A weak burn that the clock should have ended, and has not: the propellant will."""
+    """Switch to depletion if a weakened burn outlasts its end by the clock."""
     nav = onboard.navigation
     state = onboard.state
     left = state.left
@@ -288,12 +288,12 @@ def check_clock(onboard: Onboard) -> None:
         return
     if nav.time > nav.arc_start_time + left.arcs[nav.arc].duration + LATE:
         end_by(left, left.arcs[nav.arc].stage, True)
-        report(onboard, FOUND_ENGINE_LOST, nav.arc, state.found.total)
+        record_finding(onboard, FOUND_ENGINE_LOST, nav.arc, state.found.total)
 
 
 @kernel
 def check_end(mission: MissionRecords, onboard: Onboard) -> None:
-    """Whether arcs have ended by the clock or for want of propellant since the last look."""
+    """Check that arcs since the last check ended by the clock or by depletion, not earlier."""
     nav = onboard.navigation
     found = onboard.state.found
     arcs = mission.arcs
@@ -308,7 +308,7 @@ def check_end(mission: MissionRecords, onboard: Onboard) -> None:
     longest = 0.0
     for k in range(found.arc, nav.arc + 1):
         if arcs[k].duration == 0.0:
-            # a failure that is an arc of its own
+            # an arc of length 0 stands for a failure
             return
         if k == nav.arc:
             break
@@ -324,12 +324,12 @@ def check_end(mission: MissionRecords, onboard: Onboard) -> None:
     if nav.arc_start_time < end - allowed:
         ended = nav.arc_start_time < first_end - allowed and arcs[found.arc].kind == BURN
         kind = FOUND_EARLY_END if ended else FOUND_NO_IGNITION
-        report(onboard, kind, found.arc if ended else nav.arc - 1, 0.0)
+        record_finding(onboard, kind, found.arc if ended else nav.arc - 1, 0.0)
 
 
 @kernel
 def check_jettisons(mission: MissionRecords, onboard: Onboard) -> None:
-    """Whether what should be gone is aboard."""
+    """Check for jettisons that are overdue."""
     nav = onboard.navigation
     found = onboard.state.found
     steering = onboard.steering
@@ -345,21 +345,21 @@ def check_jettisons(mission: MissionRecords, onboard: Onboard) -> None:
             found.overdue[j] = math.inf
             continue
         found.overdue[j] = min(found.overdue[j], nav.time)
-        if nav.time - found.overdue[j] >= LATE and begin_left(mission, onboard.state):
+        if nav.time - found.overdue[j] >= LATE and initialize_left(mission, onboard.state):
             stuck = onboard.state.left.jettisons[j]
             stuck.criterion = MISSION_TIME
             stuck.value = math.inf
             onboard.state.solution.jettison_time[j] = math.inf
-            report(onboard, FOUND_STUCK_JETTISON, j, 0.0)
+            record_finding(onboard, FOUND_STUCK_JETTISON, j, 0.0)
 
 
 @kernel
-def look(mission: MissionRecords, onboard: Onboard) -> None:
-    """Look at what there is to see, and remember it.
+def run_checks(mission: MissionRecords, onboard: Onboard) -> None:
+    """Run all checks and save the navigation state for the next.
 
     Args:
-        mission: with the vehicle as it is known.
-        onboard: what is on board. Changed.
+        mission: with the vehicle as known.
+        onboard: state of guidance. Changed.
     """
     nav = onboard.navigation
     found = onboard.state.found
@@ -371,7 +371,7 @@ def look(mission: MissionRecords, onboard: Onboard) -> None:
             found.looks = 0
             found.total = found.total_flow = 1.0
         if refused != found.refused:
-            # what was seen last may have been wrong already
+            # the state at the last check may have been wrong already
             found.before = 0.0
         else:
             check_jettisons(mission, onboard)
@@ -394,23 +394,23 @@ def look(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def look_for_failures(mission: MissionRecords, onboard: Onboard) -> None:
-    """Look every second.
+def detect_failures(mission: MissionRecords, onboard: Onboard) -> None:
+    """Check for failures once per second.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
     state = onboard.state
     now = onboard.navigation.time
     sensed = load(onboard.navigation.sensed_delta_v)
-    # along the way: a turn between two looks is no loss of thrust
+    # sum over the states: a turn between two checks is no loss of thrust
     state.found.gain += norm(sub(sensed, load(state.found.sensed_delta_v)))
     store(state.found.sensed_delta_v, sensed)
     if onboard.steering.cutoff_time <= now:
-        # the thrust that ends now ends by command
+        # the thrust ends now by command
         return
     if state.found.mass > 0.0 and 0.0 <= now - state.found.seen < LOOK - ROUNDING:
         return
     if state.left.count == 0:
-        look(mission, onboard)
+        run_checks(mission, onboard)
     else:
-        look(vehicle_left(mission, state), onboard)
+        run_checks(vehicle_left(mission, state), onboard)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How low a trajectory goes that was found off line: at its samples, and all along its coasts."""
+"""Lowest altitude of an optimized trajectory: at its samples and all along its coasts."""
 
 import math
 from typing import Any
@@ -12,19 +12,19 @@ from ares_models.kernels.coast import STEP, coast
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.vectors import Vector, load
 
-#: Steps of a coast, at most: a hundred days of them.
+#: Largest number of steps in a coast: a hundred days.
 MOST_STEPS = 600_000
-#: Times that the bracket of a lowest point is cut by a third: 15 s come down to 0.1 ms.
+#: Reductions of the bracket of a lowest point by a third each: from 15 s to 0.1 ms.
 CUTS = 30
 
 
 @kernel
 def lowest_between(r: Vector, v: Vector, span: float, environment: Record) -> float:
-    """Lowest altitude in a part of a coast that has one lowest point, m.
+    """Find the lowest altitude, m, in a part of a coast with a single minimum.
 
     Args:
-        r: position at its begin, m.
-        v: velocity there, m/s.
+        r: position at its start, m.
+        v: velocity at its start, m/s.
         span: its length, s.
         environment: record of dtype ENVIRONMENT.
     """
@@ -44,11 +44,11 @@ def lowest_between(r: Vector, v: Vector, span: float, environment: Record) -> fl
 
 @kernel
 def lowest_of_coast(r: Vector, v: Vector, length: float, environment: Record) -> float:
-    """Lowest altitude of a coast, m.
+    """Find the lowest altitude of a coast, m.
 
     Args:
-        r: position at its begin, m.
-        v: velocity there, m/s.
+        r: position at its start, m.
+        v: velocity at its start, m/s.
         length: of the coast, s.
         environment: record of dtype ENVIRONMENT.
     """
@@ -64,7 +64,7 @@ def lowest_of_coast(r: Vector, v: Vector, length: float, environment: Record) ->
         next_r, next_v = coast(r, v, h, environment)
         here = altitude(next_r, environment)
         if falling and here >= last:
-            # the lowest point is in this step or in the one before
+            # the minimum is in this step or the previous one
             lowest = min(lowest, lowest_between(before_r, before_v, 2.0 * h, environment))
         falling = here < last
         lowest = min(lowest, here)
@@ -83,15 +83,15 @@ def lowest_altitude(
     velocity: NDArray[Any],
     environment: NDArray[Any],
 ) -> float:
-    """Lowest altitude of an arc, m; inf where it has no sample.
+    """Find the lowest altitude of an arc, m; inf if it has no sample.
 
     Args:
-        begin: of the arc, s.
-        end: so.
-        coasts: whether it is a coast, which is propagated from its first sample on.
-        time: of the samples, s, rising, shape (n,).
+        begin: start of the arc, s.
+        end: end of the arc, s.
+        coasts: it is a coast, and is propagated from its first sample on.
+        time: of the samples, s, increasing, shape (n,).
         position: of the samples, m, shape (n, 3).
-        velocity: so, m/s.
+        velocity: of the samples, m/s, shape (n, 3).
         environment: shape (1,), dtype ENVIRONMENT.
     """
     lowest = math.inf

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every law is flown in: nothing gets in that is not navigation, nor out what breaks a rule.
+"""Step of a law between its guards: navigation gate, impact-point avoidance, monitors.
 
-`guidance_step` is PEG's; each law has a copy of this module with its own step, a law with a memory
-of its own in place of `step_law`.
+`guidance_step` is PEG's; each law gets a copy of this module with its own step, a law
+with a memory of its own in place of `step_law`.
 """
 
 from ares_guidance.arrays import (
@@ -22,7 +22,7 @@ from ares_models.jit import kernel
 
 @kernel
 def begin_anew(state: Record) -> None:
-    """Forget a flight that was none: the law starts with the present state.
+    """Reset the law to start from the present state.
 
     Args:
         state: record GUIDANCE_STATE. Changed.
@@ -40,17 +40,17 @@ def begin_anew(state: Record) -> None:
 
 @kernel
 def step_law(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:  # noqa: ARG001
-    """Take one step of a law that has no memory of its own; arguments as of `guarded_step`."""
+    """Step a law without a memory of its own; arguments as in :func:`guarded_step`."""
     guidance_step(mission, onboard)
 
 
 @kernel
 def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
-    """Answer one navigation state; one that is refused with the last answer, which goes on in time.
+    """Answer one navigation state; a refused one gets the last answer, continued in time.
 
     Args:
-        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
-        onboard: what is on board. Changed.
+        mission: the mission as guidance believes it.
+        onboard: state of guidance. Changed.
         memory: the law's own. Changed.
     """
     state = onboard.state
@@ -76,5 +76,5 @@ def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> N
     else:
         if guarded:
             keep_out(vehicle_left(mission, state), onboard)
-        # what the propellant lasts is the weakened engines' business
+        # depletion depends on the weakened engines
         watch_answer(vehicle_left(mission, state), onboard)

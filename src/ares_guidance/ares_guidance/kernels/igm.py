@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Iterative Guidance Mode, the law that flew the Saturn V: one pass.
+"""One pass of the Iterative Guidance Mode, the law that flew the Saturn V.
 
 Sources: Chandler and Smith, "Development of the Iterative Guidance Mode with Its
 Application to Various Vehicles and Missions", J. Spacecraft 4 (1967); Horn, Chandler and
@@ -15,7 +15,7 @@ import math
 
 from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
-from ares_guidance.kernels.near import lets_place_go
+from ares_guidance.kernels.near import may_release_place
 from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import (
     Integrals,
@@ -52,7 +52,7 @@ Frame = tuple[Vector, Vector, Vector]
 
 @kernel
 def thrust_direction(frame: Frame, pitch: float, yaw: float) -> Vector:
-    """Unit vector at pitch above the terminal horizontal and yaw out of the plane, rad."""
+    """Return the unit vector at a pitch above the terminal horizontal and a yaw, both rad."""
     xi, eta, zeta = frame
     ahead = add(scale(math.sin(pitch), xi), scale(math.cos(pitch), zeta))
     return add(scale(math.cos(yaw), ahead), scale(math.sin(yaw), eta))
@@ -62,7 +62,7 @@ def thrust_direction(frame: Frame, pitch: float, yaw: float) -> Vector:
 def thrust_turn(
     frame: Frame, pitch: float, yaw: float, pitch_rate: float, yaw_rate: float
 ) -> Vector:
-    """Rate of :func:`thrust_direction`, 1/s, for rates in rad/s; normal to it."""
+    """Return the rate of :func:`thrust_direction`, 1/s, normal to it, for rates in rad/s."""
     xi, eta, zeta = frame
     ahead = add(scale(math.sin(pitch), xi), scale(math.cos(pitch), zeta))
     above = sub(scale(math.cos(pitch), xi), scale(math.sin(pitch), zeta))
@@ -72,13 +72,13 @@ def thrust_turn(
 
 @kernel
 def within_limit(turn: float) -> float:
-    """A turn held to what the small-angle expansion can bear, rad."""
+    """Clip a turn, rad, to the validity of the small-angle expansion."""
     return min(max(turn, -STEEPEST), STEEPEST)
 
 
 @kernel
 def yaw_terms(miss: float, yaw: float, integrals: Integrals) -> tuple[float, float]:
-    """K3 and K4 of chi_y(t) = chi-tilde_y - K3 + K4 t: "yaw steering parameters".
+    """Compute the "yaw steering parameters" K3, K4 of chi_y(t) = chi-tilde_y - K3 + K4 t.
 
     K4 / K3 = L / J, so that to first order they give no velocity.
 
@@ -100,7 +100,7 @@ def yaw_terms(miss: float, yaw: float, integrals: Integrals) -> tuple[float, flo
 def pitch_integrals(
     yaw: float, k_3: float, k_4: float, integrals: Integrals
 ) -> tuple[float, float, float]:
-    """What the yaw leaves of the thrust integrals in the plane, to first order in K3, K4.
+    """Project the thrust integrals into the plane, to first order in K3 and K4.
 
     Args:
         yaw: chi-tilde_y, rad.
@@ -120,7 +120,7 @@ def pitch_integrals(
 
 @kernel
 def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bool]:
-    """One pass: terminal frame, time to go, chi-tilde, K1 to K4, range angle.
+    """Run one pass: terminal frame, time to go, chi-tilde, K1 to K4, range angle.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
 
@@ -172,15 +172,15 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     k_1 = within_limit(miss / (d_p * math.cos(pitch)))
     k_2 = ratio * k_1
     solution.turn = max(abs(k_1), abs(k_3))
-    if lets_place_go(mission, onboard, abs(k_1)):
+    if may_release_place(mission, onboard, abs(k_1)):
         aim_at_radius(target, risen)
 
-    # the plan is expanded about chi-tilde, where the chi that is flown stands at J / L
+    # the prediction is expanded about chi-tilde, which the flown chi equals at t = J / L
     middle = thrust_direction(frame, pitch, yaw)
     turn = thrust_turn(frame, pitch, yaw, k_2, k_4)
     moved = predict_jettisons(mission, onboard, LinearTangent(middle, turn, j_sum / l_sum))
 
-    # "range angle": the next pass stands where the same integrals reach downrange
+    # "range angle": the downrange distance of these integrals places the next terminal frame
     beyond = dot(coast, zeta) + s_p * math.cos(pitch) + d_p * k_1 * math.sin(pitch)
     r_p = axpy(beyond, zeta, wanted_r)
     normal, reachable = plane_normal(target, r_p, cross(r_p, wanted_v))

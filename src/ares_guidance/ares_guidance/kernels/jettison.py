@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the heating will allow a jettison, on the predicted path."""
+"""Predicted time at which the heating falls to a jettison's limit."""
 
 import math
 from typing import Any
@@ -22,15 +22,15 @@ from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.vectors import add, axpy, load, unit
 
 JETTISON_SEARCH_STEPS = 12
-#: s; for a jettison that comes before the next cycle.
+#: Tolerance of a jettison before the next cycle, s.
 EXACT = 1e-4
-#: s; of states that were longer apart than that the next one is not awaited.
+#: Longest interval of navigation states that counts as their period, s.
 LONGEST_WAIT = 5.0
 
 
 @kernel
 def next_answer(onboard: Onboard) -> float:
-    """s to the next cycle, or to the next navigation state if they come more seldom."""
+    """Return the time to the next cycle, s, or to the next navigation state if that is later."""
     waited = min(onboard.state.navigation.interval, LONGEST_WAIT)
     return max(onboard.settings.cycle_period, waited)
 
@@ -39,12 +39,12 @@ def next_answer(onboard: Onboard) -> float:
 def predicted_log_heating(
     mission: MissionRecords, onboard: Onboard, steering: LinearTangent, t: float
 ) -> tuple[float, float]:
-    """Log of the modelled heating on the predicted path, and its slope.
+    """Return the logarithm of the modelled heating on the predicted path, and its rate.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board, with planned segments.
-        steering: to fly by.
+        onboard: state of guidance, with planned segments.
+        steering: of the prediction.
         t: s from now.
 
     Returns:
@@ -55,7 +55,7 @@ def predicted_log_heating(
     state = onboard.state
     r = load(nav.position)
     v = load(nav.velocity)
-    # what is commanded next must be exact: the expansion is not at either end of the turn
+    # the second-order expansion is inexact at both ends of a turn
     if state.solution.primer.gradient > 0.0 or t <= next_answer(onboard):
         thrust_v, thrust_r = turned_thrust(state, t, math.inf, steering)
     else:
@@ -84,16 +84,16 @@ def heating_crossing(
     earliest: float,
     guess: float,
 ) -> float:
-    """Time at which the predicted heating falls to a limit.
+    """Find the time at which the predicted heating falls to a limit.
 
     Newton on the log of the heating: it is convex up to the apex, so from the left the
     iteration runs to the first crossing without overshoot.
 
     Args:
-        mission: as in :func:`predicted_log_heating`; so the next two.
-        onboard: what is on board.
-        steering: to fly by.
-        log_limit: ln of the limit, in the units of the on-board model.
+        mission: as guidance believes it.
+        onboard: state of guidance, with planned segments.
+        steering: of the prediction.
+        log_limit: ln of the limit, scaled to the on-board density model.
         earliest: s from now.
         guess: s from now.
 
@@ -128,7 +128,7 @@ def heating_crossing(
 
 @kernel
 def on_board_heating(settings: Record, state: Record) -> float:
-    """What the modelled heating is to be multiplied by, to be the measured one."""
+    """Return the factor from modelled to measured heating; 1 if it is not measured."""
     if settings.heating_source == HEATING_MEASURED and math.isfinite(state.density_ratio):
         return state.density_ratio
     return 1.0
@@ -136,7 +136,7 @@ def on_board_heating(settings: Record, state: Record) -> float:
 
 @kernel
 def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
-    """Time from now to the first thrust of a stage in the plan, s; 0 if it is past."""
+    """Return the time from now to the first planned thrust of a stage, s; 0 if it burns already."""
     for i in range(state.segment_count):
         if arcs[state.segments[i].arc].stage >= stage:
             return state.segments[i].start
@@ -145,12 +145,12 @@ def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
 
 @kernel
 def predict_jettisons(mission: MissionRecords, onboard: Onboard, steering: LinearTangent) -> float:
-    """Move each heating jettison to where the predicted path meets its limit.
+    """Move each heating jettison to the time at which the predicted path meets its limit.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board, with planned segments. Its jettison times are changed.
-        steering: to fly by.
+        onboard: state of guidance, with planned segments. Its jettison times are changed.
+        steering: of the prediction.
 
     Returns:
         largest change of a predicted time, s; inf when a jettison came into or fell

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steering through large angles: thrust along a primer, its integrals by quadrature.
 
-PEG expands the thrust about its mean direction, other laws their angles; that holds for
-turns below a radian. A vehicle that climbs far at little thrust turns further. Here the thrust
-follows the primer p of a flight in a gravity gradient that turns with it, its integrals are
-quadratures, and the end is met by Newton's method. What the target leaves free is chosen by
-transversality: with p' its rate and g the pull, C = v x p - r x p' has no part along the axis of a
-rotation that is free (downrange, the node), and p . g = p' . v where the place on an orbit is free.
+PEG and IGM expand the thrust for small angles, which holds for turns below a radian. A vehicle that
+climbs far at low thrust turns further. Here the thrust follows the primer p in a gravity gradient
+that rotates with the vehicle, its integrals are quadratures, and Newton's method meets the target.
+Transversality fixes the free quantities: with p' the rate of p and g gravity, C = v x p - r x p'
+has no component along the axis of a free rotation (downrange, node), and p . g = p' . v where the
+place on an orbit is free.
 """
 
 import math
@@ -58,37 +58,36 @@ from ares_models.kernels.vectors import (
     unit,
 )
 
-#: rad; in a flight by a plan, or after a failure, whose burns may go far round the planet, the
-#: coast that shadows the thrusted path is begun anew after so much of it.
+#: Range angle, rad, after which the coast that shadows the thrusted path is restarted, in a flight
+#: by a plan or after a failure, where burns may be long; and largest number of such pieces.
 PIECE = 0.5
 MOST_PIECES = 8
-#: rad round the planet in one burn, without a plan to start from: what is found beyond is a detour
-#: that dispersed flights do not find again.
+#: Largest range angle of a burn without a plan, rad; solutions beyond it are detours that dispersed
+#: flights do not find again.
 FARTHEST = 2.75
-#: rad; an end that lies further behind is reached the other way round.
+#: Least range angle, rad; an end further behind is reached round the planet.
 LEAST_ANGLE = -0.5
-#: Sine of the inclination below which the node has no meaning.
+#: Sine of the inclination below which the node is undefined.
 EQUATORIAL = 1e-6
-#: Newton steps in one search, and halvings of one of them.
+#: Largest number of Newton steps in one search, and of halvings of a step.
 STEPS = 20
 HALVINGS = 8
-#: Scaled residual at which the end is met: of 4 km/s over 300 s, 4 cm/s and 12 m.
+#: Largest scaled residual at convergence: 4 cm/s and 12 m for a burn of 4 km/s over 300 s.
 MET = 1e-5
-#: Move of an unknown that the Jacobian is differenced over.
+#: Step of the finite differences of the Jacobian, scaled.
 DIFFERENCE = 1e-6
-#: Part of the last burn's mass that may be burnt in a prediction.
+#: Largest fraction of the last burn's mass that a prediction may burn.
 MOST_BURNT = 0.98
-#: The same where the acceleration stays, in times by which the mass fades to 1 / e.
+#: The same at constant acceleration, in time constants of the mass.
 MOST_FADED = 4.0
 SHORTEST = 0.1  # s
-#: Guesses where the first does not do, rad, and the velocity that a radian costs, as a part.
+#: Lofts of further initial guesses, rad, and their cost in delta-V per radian, a fraction.
 LOFTS = (0.5, 0.9, 1.2)
 LOFT_COSTS = 0.3
-#: First pull downrange that is tried to spend what the target does not need, either way, and
-#: rounds in which it is fitted.
+#: First downrange multiplier, of either sign, to spend surplus delta-V, and iterations on it.
 PULL = 0.02
 PULL_ROUNDS = 12
-#: Share of the last pull by which the next may be larger, and may differ where it is good enough.
+#: Largest growth of the multiplier in one iteration, and relative tolerance of its square root law.
 MOST_PULL = 3.0
 NEAR_PULL = 0.1
 
@@ -98,7 +97,7 @@ End = tuple[Vector, Vector, Vector, Vector]
 
 @kernel
 def possible_cutoff(state: Record, t: float) -> float:
-    """The time to go nearest to ``t`` that there is mass for, s."""
+    """Clip a time to go, s, to the mass of the last segment."""
     last = state.segments[state.segment_count - 1]
     most = MOST_FADED if last.acceleration > 0.0 else MOST_BURNT
     return min(max(t, SHORTEST), last.start + most * last.tau)
@@ -106,7 +105,7 @@ def possible_cutoff(state: Record, t: float) -> float:
 
 @kernel
 def steering_of(turn: Record) -> LinearTangent:
-    """The primer that the unknowns stand for."""
+    """Convert the unknowns to the primer at the reference."""
     y = turn.unknowns
     rate = scale(1.0 / turn.time_scale, (y[3], y[4], y[5]))
     return LinearTangent((y[0], y[1], y[2]), rate, turn.reference)
@@ -114,11 +113,11 @@ def steering_of(turn: Record) -> LinearTangent:
 
 @kernel
 def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
-    """Where the unknowns lead.
+    """Predict the end of the thrust for the present unknowns.
 
     Args:
-        mission: as guidance believes it; so the next.
-        onboard: what is on board, with planned segments.
+        mission: as guidance believes it.
+        onboard: state of guidance, with planned segments.
     """
     state = onboard.state
     turn = state.turn
@@ -136,7 +135,7 @@ def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
     for i in range(pieces):
         until = horizon if i + 1 == pieces else (i + 1) * span
         thrust_v, thrust_r = turned_thrust(state, until, t_go, steering)
-        # what the thrust of this piece gives
+        # velocity and displacement by the thrust of this piece
         gain_v = sub(thrust_v, before_v)
         gain_r = sub(thrust_r, axpy(span, before_v, before_r))
         gravity_v, gravity_r = gravity_effect(r, v, gain_v, gain_r, span, mission.environment)
@@ -149,7 +148,7 @@ def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
 
 @kernel
 def miss_free_node(target: Record, turn: Record, end: End, rows: Record) -> None:
-    """Residuals of radius, speed, angle, inclination; node and downrange are free."""
+    """Write the residuals of radius, speed, angle and inclination; node and downrange are free."""
     r, v, direction, rate = end
     radius, speed = norm(r), norm(v)
     h = cross(r, v)
@@ -166,7 +165,7 @@ def miss_free_node(target: Record, turn: Record, end: End, rows: Record) -> None
 
 @kernel
 def miss_named_plane(mission: MissionRecords, turn: Record, end: End, rows: Record) -> None:
-    """Residuals of a state in a named plane; the place in it is free."""
+    """Write the residuals of a state in a given plane; the downrange position is free."""
     target = mission.target
     r, v, direction, rate = end
     normal = named_plane(target)
@@ -185,9 +184,9 @@ def miss_named_plane(mission: MissionRecords, turn: Record, end: End, rows: Reco
 
 @kernel
 def miss_elements(mission: MissionRecords, turn: Record, end: End, rows: Record) -> None:
-    """Residuals of a target by elements: the state aimed at, and what is named of its plane.
+    """Write the residuals of a target by elements: the state aimed at and the named plane elements.
 
-    A plane that is not named may turn about the axes that keep what is named of it.
+    A plane that is not fully named may rotate about the axes that preserve its named elements.
     """
     target = mission.target
     r, v, direction, rate = end
@@ -195,7 +194,7 @@ def miss_elements(mission: MissionRecords, turn: Record, end: End, rows: Record)
     h = unit(cross(r, v))
     c = scale(1.0 / speed, sub(cross(v, direction), cross(r, rate)))
     scaled = speed / turn.speed_scale
-    # in the plane of the equator there is no node to turn
+    # an equatorial plane has no node
     flat = names(target, NAMES_INCLINATION) and math.sin(target.inclination) <= EQUATORIAL
     held = flat or plane_is_named(target)
     normal, reachable = plane_normal(target, r, h)
@@ -233,15 +232,15 @@ def miss_elements(mission: MissionRecords, turn: Record, end: End, rows: Record)
 
 @kernel
 def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
-    """By how much the unknowns miss the target and transversality, scaled.
+    """Compute the scaled residuals of target and transversality.
 
     Args:
-        mission: as in :func:`predict_end`; so the next.
-        onboard: what is on board. Column of ``state.turn.rows`` is written.
-        column: which.
+        mission: as guidance believes it.
+        onboard: state of guidance. Row ``column`` of ``state.turn.rows`` is written.
+        column: 0 for the unknowns themselves, 1 + k with unknown k perturbed.
 
     Returns:
-        largest of them; inf when one is no number.
+        largest residual; inf if one is not finite.
     """
     turn = onboard.state.turn
     target = mission.target
@@ -257,7 +256,7 @@ def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
     rows[5] -= turn.pull
     if turn.held > 0.0:
         rows[5] = turn.unknowns[6] - turn.held / turn.time_scale
-    # the length of the primer has no meaning
+    # the length of the primer is arbitrary
     rows[6] = dot(load(turn.unknowns), load(turn.first_direction)) - 1.0
     largest = 0.0
     for i in range(TURN_UNKNOWNS):
@@ -269,10 +268,9 @@ def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
 
 @kernel
 def solve_step(turn: Record) -> bool:
-    """Newton's step into ``turn.step``; False if there is none.
+    """Write Newton's step into ``turn.step``; return False if the Jacobian is singular.
 
-    The first column of ``rows`` holds the residuals, the others the same with one unknown
-    moved each.
+    The first of ``rows`` holds the residuals, the others those with one unknown perturbed each.
     """
     n = TURN_UNKNOWNS
     rows, matrix = turn.rows, turn.matrix
@@ -288,15 +286,15 @@ def solve_step(turn: Record) -> bool:
 
 @kernel
 def newton_step(mission: MissionRecords, onboard: Onboard, merit: float) -> float:
-    """One step of Newton's method, halved until the end comes nearer.
+    """Take a Newton step, halved until the largest residual decreases.
 
     Args:
-        mission: as in :func:`predict_end`; so the next.
-        onboard: what is on board. Its unknowns are moved.
-        merit: largest residual of the unknowns, which stand in column 0.
+        mission: as guidance believes it.
+        onboard: state of guidance. Its unknowns are changed.
+        merit: largest residual of the present unknowns; all are in row 0.
 
     Returns:
-        largest residual after it; inf when no step leads nearer.
+        largest residual after the step; inf if no step decreases it.
     """
     turn = onboard.state.turn
     y, before = turn.unknowns, turn.before
@@ -321,7 +319,7 @@ def newton_step(mission: MissionRecords, onboard: Onboard, merit: float) -> floa
 
 @kernel
 def set_gradient(solution: Record, r: Vector, t_go: float, mu: float) -> None:
-    """The gravity gradient between here and the end of the solution on board.
+    """Set the mean gravity gradient between the present position and the solution's end.
 
     Args:
         solution: record SOLUTION. Changed.
@@ -344,8 +342,8 @@ def set_gradient(solution: Record, r: Vector, t_go: float, mu: float) -> None:
 
 
 @kernel
-def begin(mission: MissionRecords, onboard: Onboard) -> None:
-    """Unknowns, their scales and the linear gravity, from the solution on board."""
+def initialize_unknowns(mission: MissionRecords, onboard: Onboard) -> None:
+    """Initialize the unknowns, their scales and the gravity gradient from the present solution."""
     state = onboard.state
     solution = state.solution
     turn = state.turn
@@ -371,8 +369,8 @@ def begin(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def take(mission: MissionRecords, onboard: Onboard) -> None:
-    """Put what the unknowns stand for into the solution on board."""
+def write_solution(mission: MissionRecords, onboard: Onboard) -> None:
+    """Write the solution from the unknowns."""
     state = onboard.state
     solution = state.solution
     r_p, v_p, _, _ = predict_end(mission, onboard)
@@ -393,7 +391,7 @@ def take(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
-    """A solution that may turn far, from the one on board.
+    """Solve for a large turn, starting from the present solution.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
 
@@ -406,7 +404,7 @@ def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
     if state.segment_count == 0 or not is_finite(load(solution.direction)):
         return ERROR_NOT_CONVERGED
     note_tail_off(mission.arcs[state.segments[state.segment_count - 1].arc], state)
-    begin(mission, onboard)
+    initialize_unknowns(mission, onboard)
     moved = math.inf
     merit = math.inf
     for _ in range(min(STEPS, onboard.settings.max_iterations)):
@@ -419,7 +417,7 @@ def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
         solution.miss_speed = merit * state.turn.speed_scale
         if not math.isfinite(merit):
             break
-        take(mission, onboard)
+        write_solution(mission, onboard)
         steering = LinearTangent(load(solution.direction), load(solution.direction_rate), 0.0)
         moved = predict_jettisons(mission, onboard, steering)
         if merit < MET and moved < onboard.settings.jettison_time_tolerance:
@@ -430,7 +428,7 @@ def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
 
 @kernel
 def lofted_guess(mission: MissionRecords, onboard: Onboard, loft: float) -> None:
-    """Steering from ``loft``, rad, above the horizontal to as much below it at cut-off."""
+    """Guess a steering from ``loft``, rad, above the horizontal to as much below it at cut-off."""
     start_guess(mission, onboard)
     nav = onboard.navigation
     state = onboard.state
@@ -449,7 +447,7 @@ def lofted_guess(mission: MissionRecords, onboard: Onboard, loft: float) -> None
 
 @kernel
 def converge_lofted(mission: MissionRecords, onboard: Onboard) -> int:
-    """As :func:`converge_large_turn`, from guesses that climb ever more steeply."""
+    """Solve for a large turn from guesses of increasing loft; return the error of the last."""
     for loft in LOFTS:
         lofted_guess(mission, onboard, loft)
         if converge_large_turn(mission, onboard) == ERROR_NONE:
@@ -459,18 +457,18 @@ def converge_lofted(mission: MissionRecords, onboard: Onboard) -> int:
 
 @kernel
 def pull_downrange(mission: MissionRecords, onboard: Onboard, pull: float, least: float) -> bool:
-    """Find a pull downrange, from a first one, by which the thrust lasts for ``least`` s.
+    """Find the downrange multiplier for which the thrust lasts ``least`` s.
 
-    Around the optimum the time that a flight takes grows with the square of the pull.
+    Near the optimum the time to go grows with the square of the multiplier.
 
     Args:
-        mission: as in :func:`converge_large_turn`; so the next.
-        onboard: what is on board, the optimum in ``shortest`` too. Changed.
-        pull: the first.
-        least: s to go, more than the optimum takes.
+        mission: as guidance believes it.
+        onboard: state of guidance, the optimum in ``shortest`` too. Changed.
+        pull: first multiplier.
+        least: time to go, s, more than that of the optimum.
 
     Returns:
-        whether the solution is near.
+        whether the time to go is close to ``least``.
     """
     state = onboard.state
     shortest = state.shortest.time_to_go
@@ -493,14 +491,14 @@ def pull_downrange(mission: MissionRecords, onboard: Onboard, pull: float, least
 
 @kernel
 def converge_held(mission: MissionRecords, onboard: Onboard, least: float) -> int:
-    """Find a flight to the target that lasts for ``least`` s, where the optimum takes less.
+    """Solve for a prescribed time to go, ``least`` s, longer than that of the optimum.
 
-    What the burns before the last give beyond the target's need is spent on the way: the time is
-    given, and downrange, which is free, pulls at the thrust.
+    This spends surplus delta-V of the burns before the last. The multiplier of the free downrange
+    position becomes an unknown in place of the time.
 
     Args:
-        mission: as in :func:`converge_large_turn`; so the next.
-        onboard: what is on board, with a solution. Changed.
+        mission: as guidance believes it.
+        onboard: state of guidance, with a solution. Changed.
         least: s to go.
 
     Returns:

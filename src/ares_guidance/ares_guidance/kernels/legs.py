@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fly by a plan, leg by leg where arcs before the last are free.
+"""Flight by a plan, leg by leg where arcs before the last are free.
 
-A leg is the arcs up to and including the next burn that the plan ends one with, its coasts and
-other free arcs as long as planned. The law sees it as a mission: its last burn is cut off where
-the leg's target is met, at the end of the flight the mission's own. In a coast the law steers from
-the next ignition, where the orbit of the present state leads: however long the coast, nothing is
-approximated.
+A leg is the arcs up to and including the next burn that ends a leg in the plan; its coasts and
+other free arcs have their planned lengths. The law sees the leg as a mission: its last burn is cut
+off at the leg's target, and in the last leg at the mission's. In a coast the law starts from the
+predicted state at the next ignition, which is exact for a coast of any length.
 """
 
 import math
@@ -29,15 +28,15 @@ from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.sequence import mass_at_staging
 from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
 
-#: How far the first solution of a leg may be from the plan's end, as a part of the leg.
+#: Largest difference of a leg's first solution from its planned end, as a fraction of the leg.
 ALLOWED_SHARE = 0.1
-#: Length of the mean of two directions below which it says nothing.
+#: Least length of the mean of two directions that is usable as a direction.
 LEAST_MEAN = 0.15
 
 
 @kernel
 def last_of_leg(k: int, arcs: NDArray[Any], plan: Record) -> int:
-    """Return the arc with which the leg of arc ``k`` ends: as the plan has it, or the last arc."""
+    """Return the last arc of the leg of arc ``k``: the planned one, or the mission's last."""
     last = k
     while last + 1 < arcs.shape[0] and plan.ends_leg[last] == 0:
         last += 1
@@ -46,7 +45,7 @@ def last_of_leg(k: int, arcs: NDArray[Any], plan: Record) -> int:
 
 @inlined
 def mission_of_leg(mission: MissionRecords, leg: Record) -> MissionRecords:
-    """The leg as a mission."""
+    """Return the leg as a mission."""
     return MissionRecords(
         mission.environment,
         mission.atmosphere,
@@ -58,7 +57,7 @@ def mission_of_leg(mission: MissionRecords, leg: Record) -> MissionRecords:
 
 @inlined
 def aimed_by_plan(mission: MissionRecords, state: Record) -> MissionRecords:
-    """Return the mission with the target that :func:`set_aim` has written."""
+    """Return the mission with the target written by :func:`set_aim`."""
     return MissionRecords(
         mission.environment, mission.atmosphere, mission.arcs, mission.jettisons, state.leg.target
     )
@@ -66,13 +65,13 @@ def aimed_by_plan(mission: MissionRecords, state: Record) -> MissionRecords:
 
 @inlined
 def onboard_of_leg(onboard: Onboard, leg: Record) -> Onboard:
-    """What is on board, as the law sees it in a leg."""
+    """Return the state of guidance with navigation and steering of the leg."""
     return Onboard(leg.navigation, onboard.settings, onboard.state, leg.steering)
 
 
 @kernel
 def set_aim(mission: MissionRecords, state: Record) -> None:
-    """Write the target of the last leg: the mission's, met where the plan meets it.
+    """Write the target of the last leg: the mission's, at the planned place on its orbit.
 
     Args:
         mission: as guidance believes it.
@@ -86,7 +85,7 @@ def set_aim(mission: MissionRecords, state: Record) -> None:
 
 @kernel
 def set_guess(plan: Record, leg: Record, last: int) -> None:
-    """Write what the plan says of the leg that ends with arc ``last``, to begin a search with.
+    """Write the initial guess of a search from the plan of the leg that ends with arc ``last``.
 
     Args:
         plan: record PLAN.
@@ -103,7 +102,7 @@ def set_guess(plan: Record, leg: Record, last: int) -> None:
 def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
     """Write the leg that ends with arc ``last``.
 
-    The last burn is free for the law, also one of fixed length, which the clock ends.
+    Its last burn is free for the law, even if of fixed length: there the clock ends it.
 
     Args:
         mission: as guidance believes it.
@@ -127,7 +126,7 @@ def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
 
 @kernel
 def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
-    """Write the navigation state that the law steers from: in a coast that at its end.
+    """Write the navigation state that the law starts from: in a coast the state at its end.
 
     Args:
         mission: as guidance believes it.
@@ -157,7 +156,7 @@ def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
     ahead.time = ahead.arc_start_time
     environment = mission.environment
     r, v = coast(load(nav.position), load(nav.velocity), ahead.time - nav.time, environment)
-    # the density is taken to differ there by as much as here
+    # the measured density ratio is assumed to hold there too
     here = heating_rate(load(nav.position), load(nav.velocity), environment, mission.atmosphere)
     there = heating_rate(r, v, environment, mission.atmosphere)
     ahead.heating_rate *= there / here
@@ -167,11 +166,11 @@ def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
 
 @kernel
 def guess_end(arcs: NDArray[Any], nav: Record, state: Record) -> None:
-    """Write how far off the end of the leg is by the plan.
+    """Write the planned time to the end of the leg.
 
     Args:
-        arcs: of the leg, dtype ARC, the free ones of no known length.
-        nav: record NAVIGATION that the law steers from.
+        arcs: of the leg, dtype ARC, free arcs with infinite length.
+        nav: record NAVIGATION that the law starts from.
         state: record GUIDANCE_STATE. Its leg is changed.
     """
     end = nav.arc_start_time
@@ -183,11 +182,11 @@ def guess_end(arcs: NDArray[Any], nav: Record, state: Record) -> None:
 
 @kernel
 def time_cycle(onboard: Onboard, was_coasting: int) -> None:
-    """Keep the cycles of a coast at their period: the clock of its end does not move.
+    """Schedule the cycles in a coast by the present time, as the leg's own time stands still.
 
     Args:
-        onboard: what is on board, the present navigation state. Changed.
-        was_coasting: the navigation state before was in a coast.
+        onboard: state of guidance with the present navigation state. Changed.
+        was_coasting: 1 if the previous navigation state was in a coast.
     """
     now = onboard.navigation.time
     state = onboard.state
@@ -206,11 +205,11 @@ def time_cycle(onboard: Onboard, was_coasting: int) -> None:
 
 @kernel
 def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
-    """Forget the solution of the leg before and start anew.
+    """Discard the solution of the previous leg and start a search.
 
     Args:
-        mission: the leg's.
-        onboard: as the law sees it in the leg. Changed.
+        mission: the leg as a mission.
+        onboard: state of guidance in the leg. Changed.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -219,7 +218,7 @@ def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
     steering.jettison = -1
     steering.jettison_time = math.nan
     if state.phase == PHASE_IDLE:
-        # the cycle begins the flight
+        # the first cycle of the flight starts the search
         return
     state.phase = PHASE_CONVERGING
     state.stale_cycles = 0
@@ -234,14 +233,13 @@ def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def check_first(mission: MissionRecords, onboard: Onboard, last: int) -> None:
-    """Do not fly the first solution of a leg that would end it far from the plan.
+    """Reject the first solution of a leg if it ends far from the planned time.
 
-    Over a long burn there is more than one way to the same end. Of the last leg, which nothing
-    follows, any is good.
+    A long burn has more than one solution. The last leg accepts any, because nothing follows it.
 
     Args:
-        mission: the leg's.
-        onboard: as the law sees it in the leg. Changed.
+        mission: the leg as a mission.
+        onboard: state of guidance in the leg. Changed.
         last: index of the mission's last arc.
     """
     state = onboard.state
@@ -258,7 +256,7 @@ def check_first(mission: MissionRecords, onboard: Onboard, last: int) -> None:
 
 @kernel
 def steer_by_plan(leg: Record) -> None:
-    """Until there is a solution: turn from the plan's first direction to its last.
+    """Turn from the planned first direction to the last until there is a solution.
 
     Args:
         leg: record LEG. Its steering is changed.
@@ -276,11 +274,11 @@ def steer_by_plan(leg: Record) -> None:
 
 @kernel
 def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
-    """Command the leg's steering, and from its cut-off on what is planned to the end.
+    """Command the leg's steering and cut-off, and the planned arcs after it.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. Its steering is changed.
+        onboard: state of guidance. Its steering is changed.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -309,7 +307,7 @@ def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def step_as_one(mission: MissionRecords, onboard: Onboard) -> None:
-    """Answer one navigation state of a flight without free arcs before its last.
+    """Answer one navigation state of a flight without free arcs before the last.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """

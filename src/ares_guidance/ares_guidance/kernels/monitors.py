@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules that every answer keeps, whatever the law: one that breaks a rule is not let out.
+"""Monitors of every law's answer: an answer that violates a rule is held back.
 
-The last good answer is held instead, or a jettison alone held back, and what was broken is counted.
+The last good answer is sent instead, or only the jettison is held back; violations are counted.
 """
 
 import math
@@ -31,25 +31,25 @@ from ares_models.kernels.steering import copy_steering, is_sound
 from ares_models.kernels.throttle import throttle
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, store, unit
 
-#: s; a cut-off that is past by less is now.
+#: Tolerance of a cut-off in the past, s.
 NOW = 1e-9
-#: Of the heating limit; what the path to a jettison before the next answer is estimated to.
+#: Error of the heating estimate at a jettison before the next answer, as a fraction of the limit.
 HEATING_SHARE = 2e-3
-#: s, and of the burn that is left: what the depletion is estimated to.
+#: Error of the depletion estimate, s and as a fraction of the remaining burn.
 DEPLETION_S, DEPLETION_SHARE = 1.0, 0.02
-#: Searches of one kind that a law may make in a round of a cycle, at most.
+#: Largest number of searches of one kind in a round of a cycle.
 SEARCHES = 10
 
 
 @kernel
 def fastest_turn(steering: Record, begin: float, end: float) -> float:
-    """Largest rate of the commanded direction between two times, rad/s."""
+    """Return the largest turn rate of the commanded direction between two times, rad/s."""
     rate = load(steering.direction_rate)
     square = dot(rate, rate)
     if square == 0.0:
         return 0.0
     direction = load(steering.direction)
-    # where the line is nearest to the origin
+    # time at which the linear direction vector is shortest, and turns fastest
     nearest = steering.reference_time - dot(direction, rate) / square
     at = min(max(nearest, begin), end)
     u = axpy(at - steering.reference_time, rate, direction)
@@ -58,10 +58,10 @@ def fastest_turn(steering: Record, begin: float, end: float) -> float:
 
 @kernel
 def turns_faster(limit: float, steering: Record, begin: float, end: float) -> bool:
-    """Whether the commanded direction turns faster than ``limit``, rad/s, between two times.
+    """Return whether the commanded direction turns faster than ``limit``, rad/s, between two times.
 
-    The commanded direction is a unit vector where it is given. As long as the line has not gone
-    half as far from there, it turns at no more than twice its own rate.
+    The direction is a unit vector at the reference time. While it has moved by less than 0.5, it
+    turns at no more than twice its rate: a cheap check before :func:`fastest_turn`.
     """
     rate = load(steering.direction_rate)
     square = dot(rate, rate)
@@ -73,7 +73,7 @@ def turns_faster(limit: float, steering: Record, begin: float, end: float) -> bo
 
 @kernel
 def thrust_ahead(mission: MissionRecords, onboard: Onboard) -> Vector:
-    """Thrust acceleration by the answer, m/s2: what the present engine gives now."""
+    """Return the present thrust acceleration along the commanded direction, m/s2."""
     nav = onboard.navigation
     steering = onboard.steering
     arc = mission.arcs[nav.arc]
@@ -93,11 +93,11 @@ def thrust_ahead(mission: MissionRecords, onboard: Onboard) -> Vector:
 
 @kernel
 def drops_too_early(mission: MissionRecords, onboard: Onboard) -> bool:
-    """Whether a jettison before the next answer is timed where the heating is above its limit.
+    """Return whether a jettison before the next answer would exceed its heating limit.
 
     Args:
-        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next two.
-        onboard: what is on board.
+        mission: as guidance believes it.
+        onboard: state of guidance, with the answer.
     """
     nav = onboard.navigation
     settings = onboard.settings
@@ -118,7 +118,7 @@ def drops_too_early(mission: MissionRecords, onboard: Onboard) -> bool:
 
 @kernel
 def outlasts_propellant(mission: MissionRecords, onboard: Onboard) -> bool:
-    """Whether the cut-off of the last burn is timed after its depletion, and nothing says so.
+    """Return whether the last burn would outlast its propellant without an error code saying so.
 
     Args: as in :func:`drops_too_early`.
     """
@@ -139,14 +139,14 @@ def outlasts_propellant(mission: MissionRecords, onboard: Onboard) -> bool:
 
 @kernel
 def most_iterations(settings: Record) -> int:
-    """Iterations that no cycle can need."""
+    """Return a bound on the iterations of a cycle that no working law exceeds."""
     of_a_round = SEARCHES * (settings.max_iterations + settings.max_solve_iterations) + LAST_PASSES
     return int((ROUNDS + 1) * of_a_round)
 
 
 @kernel
 def broken_rules(mission: MissionRecords, onboard: Onboard) -> int:
-    """What is wrong with the present answer: MONITOR_* bits.
+    """Check the present answer and return the violated rules, MONITOR_* bits.
 
     Args: as in :func:`drops_too_early`.
     """
@@ -173,7 +173,7 @@ def broken_rules(mission: MissionRecords, onboard: Onboard) -> int:
 
 @kernel
 def steer_along_velocity(nav: Record, steering: Record) -> None:
-    """An answer that decides nothing."""
+    """Write a neutral answer: thrust along the velocity, no cut-off, no jettison."""
     steering.reference_time = nav.time
     store(steering.direction, unit(load(nav.velocity)))
     store(steering.direction_rate, (0.0, 0.0, 0.0))
@@ -186,10 +186,10 @@ def steer_along_velocity(nav: Record, steering: Record) -> None:
 
 @kernel
 def hold_good(onboard: Onboard) -> None:
-    """Answer as last, without what of that would break the same rule in its turn.
+    """Repeat the last good answer, without the parts that would violate the same rules.
 
     Args:
-        onboard: what is on board. The answer and the last good one are changed.
+        onboard: state of guidance. The answer and the last good one are changed.
     """
     nav = onboard.navigation
     settings = onboard.settings
@@ -211,14 +211,14 @@ def hold_good(onboard: Onboard) -> None:
 
 @kernel
 def watch_answer(mission: MissionRecords, onboard: Onboard) -> None:
-    """Let the present answer out, or hold the last good one.
+    """Pass the present answer, or replace it by the last good one.
 
     Args: as in :func:`drops_too_early`. The answer and the monitors are changed.
     """
     state = onboard.state
     monitors = state.monitors
     if state.phase == PHASE_IDLE:
-        # nothing is commanded yet
+        # no command yet
         return
     monitors.flags = broken_rules(mission, onboard)
     if monitors.flags == 0:
@@ -228,7 +228,7 @@ def watch_answer(mission: MissionRecords, onboard: Onboard) -> None:
     monitors.violations += 1
     monitors.violated |= monitors.flags
     if monitors.flags == MONITOR_JETTISON:
-        # the rest of the answer is as good as any
+        # only the jettison is wrong
         onboard.steering.jettison = -1
         onboard.steering.jettison_time = math.nan
         copy_steering(onboard.steering, monitors.good)

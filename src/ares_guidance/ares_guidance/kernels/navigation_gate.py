@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a navigation state may be steered by: the last accepted one, carried on, against it.
+"""Gate that accepts or refuses a navigation state, against the last accepted one propagated to now.
 
-Whatever the engines do, good navigation leaves three sums as they are:
+Whatever the engines do, good navigation keeps three sums constant:
 
     position - integral of velocity
     velocity - integral of gravity - sensed velocity gain
-    ln(mass) + sensed gain / exhaust velocity, roughly: engines fail
+    ln(mass) + sensed gain / exhaust velocity, roughly, as engines may fail
 
-A state is refused when it moves one of them by more than so many sigmas since the last accepted
-state, or since an anchor one to two windows ago, where a drift adds up.
+A state is refused if one of them has changed by more than the gate, a number of sigmas, since the
+last accepted state, or since an anchor one to two windows ago, where a drift accumulates.
 """
 
 import math
@@ -48,33 +48,33 @@ ACCEPTED = 0
 REPEATED = 1
 REFUSED = 2
 
-#: m below the figure of the body, where no vehicle is; a dispersed start from the ground is.
+#: Largest depth below the ellipsoid, m; a dispersed start from the ground may be below it.
 DEEPEST = 10_000.0
-#: Of the speed of escape, beyond which a state is one of another body.
+#: Largest speed, as a multiple of the escape speed.
 FASTEST = 2.0
-#: s; times closer than this are the same.
+#: Tolerance of equal times, s.
 SAME_TIME = 1e-6
-#: States that repeat the last accepted one, beyond which time stands still.
+#: Largest number of repetitions of the last accepted state; more are refused as frozen.
 MOST_REPEATS = 3
-#: Of the displacement that the gain would give at once: how far a step's is from that of
-#: constant acceleration while one engine burns, and at most.
+#: Error of a step's displacement, as a fraction of gain times half the step: while one engine
+#: burns, and otherwise.
 STEADY, UNSTEADY = 0.1, 1.0
-#: Exhaust velocity of a failed engine over the mission's, at least; its inverse at most. Engines
-#: that burn may take their full flow all the same, by that much more than the mission's.
+#: Exhaust velocity of a failed engine over the mission's: least value, and inverse of the largest.
+#: Largest mass flow of a burning engine over the mission's.
 WORST_ENGINE, MOST_FLOW = 0.4, 1.2
-#: States until the first are known to belong together; and in a row, in place of a window, to
-#: begin anew with before that.
+#: Number of accepted states before which the first ones may themselves be wrong; until then as many
+#: consistent states in a row suffice for a reacquisition.
 FEW = 3
-#: How much wider the gate is for navigation that has agreed with itself for a window.
+#: Widening of the gate for navigation that has been consistent with itself for a window.
 WIDER = 3.0
 
 
 @kernel
 def is_plausible(mission: MissionRecords, nav: Record, settings: Record) -> bool:
-    """Whether a state can be one of this mission at all, whatever was before.
+    """Return whether a state is possible in this mission, regardless of earlier states.
 
     Args:
-        mission: as guidance believes it; so the next.
+        mission: as guidance believes it.
         nav: record NAVIGATION.
         settings: record GUIDANCE_SETTINGS.
     """
@@ -96,7 +96,7 @@ def is_plausible(mission: MissionRecords, nav: Record, settings: Record) -> bool
     gate = settings.navigation_gate
     environment = mission.environment
     square = dot(r, r)
-    # above the equator's radius is above the ground anywhere
+    # any point above the equatorial radius is above the ellipsoid
     low = square < environment.equatorial_radius * environment.equatorial_radius
     if low and altitude(r, environment) < -DEEPEST - gate * settings.position_sigma:
         return False
@@ -111,7 +111,7 @@ def is_plausible(mission: MissionRecords, nav: Record, settings: Record) -> bool
 
 @kernel
 def is_same(nav: Record, fix: Record) -> bool:
-    """Whether place and speed are the very numbers of before."""
+    """Return whether position and velocity are bit for bit those of a fix."""
     for i in range(3):
         if nav.position[i] != fix.position[i] or nav.velocity[i] != fix.velocity[i]:
             return False
@@ -119,8 +119,8 @@ def is_same(nav: Record, fix: Record) -> bool:
 
 
 @kernel
-def goes_on(nav: Record, before: Record) -> bool:
-    """Whether arc and jettisons follow those of before: neither goes back."""
+def continues_sequence(nav: Record, before: Record) -> bool:
+    """Return whether arc and jettisons do not go back from those of the earlier fix."""
     if nav.arc < before.arc or before.jettisoned & ~nav.jettisoned != 0:
         return False
     if nav.arc == before.arc:
@@ -129,8 +129,8 @@ def goes_on(nav: Record, before: Record) -> bool:
 
 
 @kernel
-def note(mission: MissionRecords, nav: Record, fix: Record) -> None:
-    """Write a state into a fix; the sums stay.
+def record_fix(mission: MissionRecords, nav: Record, fix: Record) -> None:
+    """Copy a navigation state into a fix, except the sums.
 
     Args:
         mission: as guidance believes it.
@@ -149,8 +149,8 @@ def note(mission: MissionRecords, nav: Record, fix: Record) -> None:
 
 
 @kernel
-def begin_sums(fix: Record) -> None:
-    """Count from here."""
+def reset_sums(fix: Record) -> None:
+    """Reset the sums of a fix."""
     store(fix.position_sum, (0.0, 0.0, 0.0))
     store(fix.velocity_sum, (0.0, 0.0, 0.0))
     fix.mass_sum = 0.0
@@ -160,7 +160,7 @@ def begin_sums(fix: Record) -> None:
 
 @kernel
 def last_burn(k: int, arcs: NDArray[Any]) -> int:
-    """Index of the last burn up to arc ``k``; before the first, of that."""
+    """Return the index of the last burn up to arc ``k``; before the first burn, of the first."""
     i = k
     while i > 0 and arcs[i].kind != BURN:
         i -= 1
@@ -170,17 +170,17 @@ def last_burn(k: int, arcs: NDArray[Any]) -> int:
 
 
 @kernel
-def carry_mass(
+def advance_mass_sum(
     mission: MissionRecords, before: Record, after: Record, gain: float, uncertain: float
 ) -> None:
-    """Move the sum of the mass on from one fix to the next.
+    """Update the mass sum and its bound from one fix to the next.
 
     Args:
         mission: as guidance believes it.
-        before: record NAVIGATION_FIX.
-        after: the same, with the state of later. Its ``mass_sum`` and ``mass_slack`` change.
+        before: earlier record NAVIGATION_FIX.
+        after: later record. Its ``mass_sum`` and ``mass_slack`` change.
         gain: sensed in between, m/s.
-        uncertain: how far a mass of the mission may be off, a fraction.
+        uncertain: relative error of the mission's masses.
     """
     arcs = mission.arcs
     jettisons = mission.jettisons
@@ -200,22 +200,22 @@ def carry_mass(
     elif arcs[before.arc].kind == BURN:
         full = MOST_FLOW * burn.mass_flow * (after.time - before.time)
         most = max(most, -math.log(max(0.5, 1.0 - full / before.mass)))
-    # the middle of what may have burnt, and how far that is from either end
+    # centre and half width of the interval of possible depletion
     after.mass_sum = before.mass_sum + math.log(after.mass / carried) + 0.5 * (least + most)
     after.mass_slack = before.mass_slack + 0.5 * (most - least) + uncertain * loads / carried
 
 
 @kernel
-def carry(mission: MissionRecords, before: Record, after: Record, settings: Record) -> None:
-    """Move the sums on from one fix to the next.
+def advance_sums(mission: MissionRecords, before: Record, after: Record, settings: Record) -> None:
+    """Update the sums from one fix to the next.
 
-    Velocity is integrated by the trapezoidal rule with its end correction for gravity, gravity by
-    Simpson's: over 100 s of a coast that is 0.2 m and 1 mm/s off.
+    Velocity is integrated by the trapezoidal rule with end correction for gravity, gravity by
+    Simpson's rule; the error over 100 s of coast is 0.2 m and 1 mm/s.
 
     Args:
         mission: as guidance believes it.
-        before: record NAVIGATION_FIX.
-        after: the same, with the state of later. Its sums are changed.
+        before: earlier record NAVIGATION_FIX.
+        after: later record. Its sums are changed.
         settings: record GUIDANCE_SETTINGS.
     """
     dt = after.time - before.time
@@ -233,18 +233,18 @@ def carry(mission: MissionRecords, before: Record, after: Record, settings: Reco
     share = STEADY if steady else UNSTEADY
     after.position_slack = before.position_slack + share * 0.5 * gain * dt
     uncertain = settings.navigation_gate * settings.load_sigma
-    carry_mass(mission, before, after, gain, uncertain)
+    advance_mass_sum(mission, before, after, gain, uncertain)
 
 
 @kernel
-def within(limit: float, x: Vector) -> bool:
-    """Whether a vector is no longer than ``limit``."""
+def is_within(limit: float, x: Vector) -> bool:
+    """Return whether the length of a vector is at most ``limit``."""
     return dot(x, x) <= limit * limit
 
 
 @kernel
 def position_limit(before: Record, after: Record, settings: Record, sigmas: float) -> float:
-    """How far the position's sum may move between two fixes, m; arguments as of `compare`."""
+    """Return the bound on the change of the position sum, m; arguments as in `compare`."""
     span = after.time - before.time
     drifted = span * settings.velocity_sigma
     sigma = math.hypot(math.sqrt(2.0) * settings.position_sigma, drifted)
@@ -253,7 +253,7 @@ def position_limit(before: Record, after: Record, settings: Record, sigmas: floa
 
 @kernel
 def velocity_limit(before: Record, after: Record, settings: Record, sigmas: float) -> float:
-    """How far the velocity's sum may move between two fixes, m/s; arguments as of `compare`."""
+    """Return the bound on the change of the velocity sum, m/s; arguments as in `compare`."""
     span = after.time - before.time
     gain = norm(sub(load(after.sensed_delta_v), load(before.sensed_delta_v)))
     noise = math.hypot(math.sqrt(2.0) * settings.velocity_sigma, span * settings.acceleration_sigma)
@@ -262,26 +262,26 @@ def velocity_limit(before: Record, after: Record, settings: Record, sigmas: floa
 
 @kernel
 def compare(before: Record, after: Record, settings: Record, sigmas: float) -> int:
-    """Which sums have moved too far between two fixes: REFUSED_* bits.
+    """Compare the sums of two fixes; return those beyond their bounds, REFUSED_* bits.
 
     Args:
-        before: record NAVIGATION_FIX.
-        after: the same; its sums go on from those of ``before``.
+        before: earlier record NAVIGATION_FIX.
+        after: later record, with sums continued from ``before``.
         settings: record GUIDANCE_SETTINGS.
-        sigmas: how far is too far.
+        sigmas: width of the gate.
     """
     reasons = 0
     moved = sub(load(after.position_sum), load(before.position_sum))
-    # the noise of two states alone is less than the limit, and mostly says enough
+    # cheap check first: the noise of two states alone is a lower bound on the limit
     least = sigmas * math.sqrt(2.0)
     if not (
-        within(least * settings.position_sigma, moved)
+        is_within(least * settings.position_sigma, moved)
         or norm(moved) <= position_limit(before, after, settings, sigmas)
     ):
         reasons |= REFUSED_POSITION
     moved = sub(load(after.velocity_sum), load(before.velocity_sum))
     if not (
-        within(least * settings.velocity_sigma, moved)
+        is_within(least * settings.velocity_sigma, moved)
         or norm(moved) <= velocity_limit(before, after, settings, sigmas)
     ):
         reasons |= REFUSED_VELOCITY
@@ -293,12 +293,12 @@ def compare(before: Record, after: Record, settings: Record, sigmas: float) -> i
 
 
 @kernel
-def objections(mission: MissionRecords, onboard: Onboard) -> int:
-    """What speaks against a plausible state: REFUSED_* bits; 0: nothing.
+def refusal_reasons(mission: MissionRecords, onboard: Onboard) -> int:
+    """Return the reasons to refuse a plausible state, REFUSED_* bits; 0 if there are none.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. ``now`` of its watch is written.
+        onboard: state of guidance. ``now`` of its watch is written.
     """
     nav = onboard.navigation
     settings = onboard.settings
@@ -307,10 +307,10 @@ def objections(mission: MissionRecords, onboard: Onboard) -> int:
         return REFUSED_TIME
     if is_same(nav, watch.last):
         return REFUSED_FROZEN
-    if not goes_on(nav, watch.last):
+    if not continues_sequence(nav, watch.last):
         return REFUSED_SEQUENCE
-    note(mission, nav, watch.now)
-    carry(mission, watch.last, watch.now, settings)
+    record_fix(mission, nav, watch.now)
+    advance_sums(mission, watch.last, watch.now, settings)
     reasons = compare(watch.last, watch.now, settings, settings.navigation_gate)
     if reasons == 0 and compare(watch.anchor, watch.now, settings, settings.navigation_gate) != 0:
         reasons = REFUSED_DRIFT
@@ -318,8 +318,8 @@ def objections(mission: MissionRecords, onboard: Onboard) -> int:
 
 
 @kernel
-def take(watch: Record, settings: Record) -> None:
-    """Accept ``now``.
+def accept_state(watch: Record, settings: Record) -> None:
+    """Accept the state ``now`` of the watch.
 
     Args:
         watch: record NAVIGATION_WATCH. Changed.
@@ -337,16 +337,16 @@ def take(watch: Record, settings: Record) -> None:
 
 
 @kernel
-def begin_with(mission: MissionRecords, nav: Record, watch: Record) -> None:
-    """Accept a state that nothing is known before.
+def restart_sums(mission: MissionRecords, nav: Record, watch: Record) -> None:
+    """Accept a state without reference to earlier ones and restart all sums.
 
     Args:
         mission: as guidance believes it.
         nav: record NAVIGATION.
         watch: record NAVIGATION_WATCH. Changed.
     """
-    note(mission, nav, watch.now)
-    begin_sums(watch.now)
+    record_fix(mission, nav, watch.now)
+    reset_sums(watch.now)
     watch.last = watch.now
     watch.anchor = watch.now
     watch.next_anchor = watch.now
@@ -358,12 +358,12 @@ def begin_with(mission: MissionRecords, nav: Record, watch: Record) -> None:
 
 
 @kernel
-def agree(mission: MissionRecords, onboard: Onboard) -> None:
-    """Count how many plausible states in a row agree with one another, though not with the past.
+def count_consistent(mission: MissionRecords, onboard: Onboard) -> None:
+    """Count consecutive refused states that are consistent with one another.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. Its watch is changed.
+        onboard: state of guidance. Its watch is changed.
     """
     nav = onboard.navigation
     settings = onboard.settings
@@ -374,11 +374,11 @@ def agree(mission: MissionRecords, onboard: Onboard) -> None:
         watch.agreeing > 0
         and nav.time > watch.last_agreeing.time
         and not is_same(nav, watch.last_agreeing)
-        and goes_on(nav, watch.last_agreeing)
+        and continues_sequence(nav, watch.last_agreeing)
     )
     if follows:
-        note(mission, nav, watch.now)
-        carry(mission, watch.last_agreeing, watch.now, settings)
+        record_fix(mission, nav, watch.now)
+        advance_sums(mission, watch.last_agreeing, watch.now, settings)
         gate = settings.navigation_gate
         follows = (
             compare(watch.last_agreeing, watch.now, settings, gate) == 0
@@ -386,23 +386,23 @@ def agree(mission: MissionRecords, onboard: Onboard) -> None:
         )
     if not follows:
         watch.agreeing = 0
-        note(mission, nav, watch.now)
-        begin_sums(watch.now)
+        record_fix(mission, nav, watch.now)
+        reset_sums(watch.now)
         watch.first_agreeing = watch.now
     watch.agreeing += 1
     watch.last_agreeing = watch.now
 
 
 @kernel
-def acquires(mission: MissionRecords, onboard: Onboard) -> bool:
-    """Whether to begin anew with a navigation that was refused so far.
+def reacquires(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Return whether to reacquire navigation that was refused so far.
 
-    It has agreed with itself for a window and is within a wider gate of what was accepted last;
-    or hardly anything was accepted before, and that may have been the wrong one.
+    That is so if it has been consistent with itself for a window and lies within a wider gate
+    around the last accepted state, or if fewer than FEW states were accepted before.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. ``now`` of its watch is written.
+        onboard: state of guidance. ``now`` of its watch is written.
     """
     nav = onboard.navigation
     settings = onboard.settings
@@ -411,10 +411,10 @@ def acquires(mission: MissionRecords, onboard: Onboard) -> bool:
         return bool(watch.agreeing >= FEW)
     if nav.time - watch.first_agreeing.time < settings.navigation_window:
         return False
-    if not (nav.time > watch.last.time and goes_on(nav, watch.last)):
+    if not (nav.time > watch.last.time and continues_sequence(nav, watch.last)):
         return False
-    note(mission, nav, watch.now)
-    carry(mission, watch.last, watch.now, settings)
+    record_fix(mission, nav, watch.now)
+    advance_sums(mission, watch.last, watch.now, settings)
     return compare(watch.last, watch.now, settings, WIDER * settings.navigation_gate) == 0
 
 
@@ -423,16 +423,16 @@ def refuse(onboard: Onboard, reasons: int) -> None:
     """Count a refused state.
 
     Args:
-        onboard: what is on board. Its watch is changed.
+        onboard: state of guidance. Its watch is changed.
         reasons: REFUSED_* bits.
     """
     nav = onboard.navigation
     watch = onboard.state.navigation
     if watch.row == 0:
         watch.reasons = 0
-    if watch.row == 0 or not abs(nav.time - watch.told_time) < onboard.settings.cycle_period:
-        watch.told += 1
-        watch.told_time = nav.time
+    if watch.row == 0 or not abs(nav.time - watch.reported_time) < onboard.settings.cycle_period:
+        watch.reported += 1
+        watch.reported_time = nav.time
     watch.row += 1
     watch.refused += 1
     watch.reasons |= reasons
@@ -440,14 +440,14 @@ def refuse(onboard: Onboard, reasons: int) -> None:
 
 @kernel
 def admit(mission: MissionRecords, onboard: Onboard) -> int:
-    """Whether the present navigation state may be steered by.
+    """Accept or refuse the present navigation state.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. Its watch is changed.
+        onboard: state of guidance. Its watch is changed.
 
     Returns:
-        ACCEPTED; REPEATED, the last accepted state again; or REFUSED.
+        ACCEPTED; REPEATED, a repetition of the last accepted state; or REFUSED.
     """
     nav = onboard.navigation
     settings = onboard.settings
@@ -457,21 +457,21 @@ def admit(mission: MissionRecords, onboard: Onboard) -> int:
         refuse(onboard, REFUSED_IMPLAUSIBLE)
         return REFUSED
     if watch.accepted == 0:
-        begin_with(mission, nav, watch)
+        restart_sums(mission, nav, watch)
         return ACCEPTED
     if watch.row == 0 and nav.time == watch.last.time and is_same(nav, watch.last):
         watch.repeats += 1
         if watch.repeats <= MOST_REPEATS:
             return REPEATED
-    reasons = objections(mission, onboard)
+    reasons = refusal_reasons(mission, onboard)
     if reasons == 0:
-        take(watch, settings)
+        accept_state(watch, settings)
         return ACCEPTED
-    agree(mission, onboard)
-    if acquires(mission, onboard):
+    count_consistent(mission, onboard)
+    if reacquires(mission, onboard):
         known = watch.accepted
         watch.acquired += 1
-        begin_with(mission, nav, watch)
+        restart_sums(mission, nav, watch)
         if known < FEW:
             watch.accepted = 1
         return ACCEPTED

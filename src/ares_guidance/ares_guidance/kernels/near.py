@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Close to the end, after a failure: the target but for its radius.
+"""Target with its radius released, near the end of a flight with a failure.
 
-Engines that give less there come to the target's speed later and, in a climb, higher. To mend the
-radius in the seconds that are left the thrust must turn far aside, or the burn go on for a minute:
-that costs up to 15 % of the mass. Speed and angle are met for nothing.
+Weakened engines reach the target's speed later and, in a climb, higher. To correct the radius in
+the seconds left the thrust must turn far, or the burn last a minute longer; that costs up to 15 %
+of the mass. Speed and flight-path angle cost nothing extra.
 """
 
 import math
@@ -21,22 +21,22 @@ from ares_models.jit import kernel
 from ares_models.kernels.targets import leaves_place_free
 from ares_models.kernels.vectors import add, axpy, load, norm, scale, store, unit
 
-#: Part of the mass that the radius is worth.
+#: Largest cost of the exact radius, as a fraction of the mass.
 DEAREST = 5e-3
-#: rad; the target is dear where the thrust turns more.
+#: Largest turn, rad, at which the exact target is cheap.
 CHEAP_TURN = 0.2
-#: How often the radius follows the steering, which follows it.
+#: Iterations between radius and steering.
 NEAR_ROUNDS = 3
 
 
 @kernel
-def may_let_go(mission: MissionRecords, onboard: Onboard, cold: bool) -> bool:
-    """Whether the radius may be let go: something has failed, and it is too late to begin again.
+def may_release_radius(mission: MissionRecords, onboard: Onboard, cold: bool) -> bool:
+    """Return whether the radius may be released: after a failure, within `restart_time` to go.
 
     Args:
-        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
-        onboard: what is on board.
-        cold: there is no solution to go on from.
+        mission: as guidance believes it.
+        onboard: state of guidance.
+        cold: there is no solution to continue from.
     """
     state = onboard.state
     kind = mission.target.kind
@@ -50,13 +50,13 @@ def may_let_go(mission: MissionRecords, onboard: Onboard, cold: bool) -> bool:
 
 
 @kernel
-def lets_place_go(mission: MissionRecords, onboard: Onboard, turn: float) -> bool:
-    """Tell whether a burn may meet its orbit anywhere: it is too short to mend the place.
+def may_release_place(mission: MissionRecords, onboard: Onboard, turn: float) -> bool:
+    """Return whether a burn may meet its orbit at any radius: it is too short to correct it.
 
     Args:
-        mission: as of :func:`may_let_go`; so the next.
-        onboard: what is on board.
-        turn: that the place on the target's orbit asks for, rad.
+        mission: as guidance believes it.
+        onboard: state of guidance.
+        turn: needed to meet the present radius, rad.
     """
     late = onboard.state.solution.time_to_go <= onboard.settings.restart_time
     return late and turn > CHEAP_TURN and leaves_place_free(mission.target)
@@ -64,9 +64,9 @@ def lets_place_go(mission: MissionRecords, onboard: Onboard, turn: float) -> boo
 
 @kernel
 def end_radius(mission: MissionRecords, onboard: Onboard) -> float:
-    """Distance from the centre to which the solution on board leads, m.
+    """Predict the radius at the end of the present solution, m.
 
-    Args: as in :func:`may_let_go`.
+    Args: as in :func:`may_release_radius`.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -88,7 +88,7 @@ def end_radius(mission: MissionRecords, onboard: Onboard) -> float:
 
 @kernel
 def move_radius(target: Record, wanted: Record, mu: float, radius: float) -> None:
-    """Make a target another at a radius, m: its energy and its angle stay."""
+    """Move a target to a radius, m, at the energy and flight-path angle of ``wanted``."""
     target.radius = radius
     square = wanted.speed**2 + 2.0 * mu * (1.0 / radius - 1.0 / wanted.radius)
     target.speed = math.sqrt(max(0.0, square))
@@ -96,9 +96,9 @@ def move_radius(target: Record, wanted: Record, mu: float, radius: float) -> Non
 
 @kernel
 def begin_near(mission: MissionRecords, onboard: Onboard) -> None:
-    """Aim at the radius to which the solution before this cycle leads.
+    """Aim at the radius that the solution before this cycle leads to.
 
-    Args: as in :func:`may_let_go`.
+    Args: as in :func:`may_release_radius`.
     """
     state = onboard.state
     solution = state.solution
@@ -113,7 +113,7 @@ def begin_near(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def is_dear(state: Record) -> bool:
-    """Whether the target, in ``state.exact``, costs more than it is worth over the end near it."""
+def costs_too_much(state: Record) -> bool:
+    """Return whether the exact target costs more than DEAREST over one with released radius."""
     tau = state.segments[state.segment_count - 1].tau
     return not state.exact.time_to_go - state.solution.time_to_go <= DEAREST * tau

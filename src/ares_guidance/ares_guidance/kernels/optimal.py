@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optimal guidance: the two-point problem with its jettison, solved anew in every cycle.
+"""Optimal guidance: the two-point problem with its jettison, solved in every cycle.
 
-The costates of the last cycle are carried to the new navigation state and corrected: by one
-flight and the old Jacobian when that is enough, by Newton's method when it is not.
+The costates of the last cycle are propagated to the new navigation state and corrected: by one
+integration and the old Jacobian if that suffices, else by Newton's method.
 """
 
 import math
@@ -39,46 +39,47 @@ from ares_optimizer.two_point.contract import (
     CONVERGED,
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
-    carried_back,
     field_of,
     find_optimum,
     free_column,
     gravity_terms,
     lengths_inside,
     next_ignition,
+    propagated_back,
     scaled_length,
     shoot,
     tangential_primer,
     unknown_count,
 )
 
-#: Longest step of the on-board flight, s: the cut-off is off by 0.1 ms at most.
+#: Longest integration step on board, s; the error of the cut-off is at most 0.1 ms.
 STEP = 40.0
-#: The same as a share of the time in which the last burn would use up all the mass.
+#: The same as a fraction of the time in which the last burn would consume all mass.
 STEP_SHARE = 0.07
 #: Last Newton step in scaled unknowns: 1e-4 s of cut-off.
 TOLERANCE = 1e-6
-#: Cycles on one Jacobian, and the scaled correction up to which it is trusted.
+#: Largest number of cycles on one Jacobian, and largest scaled correction by an old one.
 REFRESH = 20
 SMALL = 3e-3
-#: s to go below which each cycle has a Jacobian of its own: what it leaves is not made up for.
+#: Time to go, s, below which each cycle computes its own Jacobian: no later cycle corrects it.
 LAST = 20.0
-#: Change of an engine up to which that Jacobian is kept.
+#: Largest relative change of thrust or mass flow for which the Jacobian is kept.
 SAME_ENGINE = 0.01
-#: s before the planned end of an arc from which that end stands.
+#: Time before the planned end of an arc, s, from which that end is fixed.
 NEAR_END = 1.0
 _ROUNDING = 1e-6
 
-#: What a search starts from.
+#: Initial guess of a search.
 BY_NOTHING = 0
 BY_STEERING = 1
 BY_PLAN = 2
-#: An extremal that burns longer than PEG's plan by this factor, and a second, is no optimum.
+#: An extremal that burns longer than PEG's solution by this factor plus 1 s is not the optimum.
 LONGER = 1.02
-#: Steps of the integrator in one cycle. What is found at all takes 60 in the median, 260 at most.
+#: Largest number of integrator steps in one cycle. Successful searches take 60 in the median and
+#: 260 at most.
 MOST_STEPS = 1_500
-#: Steps of the integrator that may go into searches without a result while an arc lasts; then
-#: the law flies PEG until the next arc. It bounds what a hopeless mission costs, to seconds.
+#: Largest number of integrator steps in failed searches during one arc; then the law flies PEG
+#: until the next arc. It bounds the time spent on a hopeless mission to seconds.
 MOST_WASTED = 1_000_000
 
 
@@ -90,9 +91,9 @@ def plans_whole(state: Record) -> bool:
 
 @kernel
 def begins_by_plan(arcs: NDArray[Any], onboard: Onboard) -> bool:
-    """Return whether the plan has the costates to begin the search with.
+    """Return whether the search starts from the plan's costates.
 
-    Without free arcs before the last they are those of the first cycle alone.
+    Without free arcs before the last only the first cycle does.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -109,7 +110,7 @@ def begins_by_plan(arcs: NDArray[Any], onboard: Onboard) -> bool:
 
 @kernel
 def believed_limits(jettisons: NDArray[Any], onboard: Onboard) -> None:
-    """Heating limits in the units of the on-board density, margin taken off."""
+    """Write the heating limits, less the margin, scaled to the on-board density model."""
     settings = onboard.settings
     state = onboard.state
     memory = state.optimal
@@ -122,7 +123,7 @@ def believed_limits(jettisons: NDArray[Any], onboard: Onboard) -> None:
 
 @kernel
 def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
-    """The mission's arcs, those of the present stage with its engines as measured."""
+    """Write the mission's arcs, those of the present stage with the measured engines."""
     nav = onboard.navigation
     state = onboard.state
     arcs = mission.arcs
@@ -142,7 +143,7 @@ def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
             memory.arcs[k].thrust *= state.thrust_ratio
             memory.arcs[k].mass_flow *= state.flow_ratio
             memory.arcs[k].exhaust_velocity *= state.thrust_ratio / state.flow_ratio
-    # another engine, another problem: the old Jacobian is left only for small changes
+    # the old Jacobian is valid only for small changes of the engine
     if (
         abs(memory.thrust_ratio - state.thrust_ratio) > SAME_ENGINE
         or abs(memory.flow_ratio - state.flow_ratio) > SAME_ENGINE
@@ -150,7 +151,7 @@ def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
         memory.age = REFRESH
     present = memory.arcs[nav.arc]
     if present.duration == 0.0:
-        # engines have failed: the others burn what is left
+        # after an engine failure the others burn the remaining propellant
         left = nav.mass - empty_mass(arcs[nav.arc], arcs, mission.jettisons, nav.jettisoned)
         present.duration = nav.time - nav.arc_start_time + left / present.mass_flow
         memory.age = REFRESH
@@ -161,7 +162,7 @@ def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
 
 @inlined
 def believed_mission(mission: MissionRecords, onboard: Onboard) -> MissionRecords:
-    """The mission with limits and engines as measured, kept in the law's memory."""
+    """Return the mission with scaled limits and measured engines, from the law's memory."""
     believed_limits(mission.jettisons, onboard)
     believed_arcs(mission, onboard)
     memory = onboard.state.optimal
@@ -175,12 +176,12 @@ def believed_mission(mission: MissionRecords, onboard: Onboard) -> MissionRecord
 
 
 @kernel
-def carry_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
-    """Take out the ends of arcs that are over; hold that of an arc which is about to end.
+def drop_past_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
+    """Remove the ends of past arcs from the unknowns; fix the end of an arc that is about to end.
 
     Args:
-        mission: as believed.
-        onboard: what is on board. Its memory is changed.
+        mission: as returned by :func:`believed_mission`.
+        onboard: state of guidance. Its memory is changed.
         first: column of the first end.
     """
     nav = onboard.navigation
@@ -212,22 +213,22 @@ def carry_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
 def primer_later(
     environment: Record, r: Vector, costates: tuple[Vector, Vector], dt: float
 ) -> tuple[Vector, Vector]:
-    """Primer and its rate after ``dt`` s, few enough for the gravity gradient to stay."""
+    """Propagate primer and rate by ``dt`` s at constant gravity gradient."""
     p, q = costates
-    _, bend = gravity_terms(r, field_of(environment), p)
-    return axpy(dt, axpy(0.5 * dt, bend, q), p), axpy(dt, bend, q)
+    _, curvature = gravity_terms(r, field_of(environment), p)
+    return axpy(dt, axpy(0.5 * dt, curvature, q), p), axpy(dt, curvature, q)
 
 
 @kernel
 def planned_primer(
     believed: MissionRecords, onboard: Onboard, ignition: float
 ) -> tuple[Vector, Vector]:
-    """Primer now, and its rate, from the plan's at an ignition; if it has none, along the velocity.
+    """Propagate the planned primer at ignition to now; without one start along the velocity.
 
     Args:
-        believed: the mission as believed.
-        onboard: what is on board.
-        ignition: s; that of the burn that runs, or of the next.
+        believed: mission of :func:`believed_mission`.
+        onboard: state of guidance.
+        ignition: of the present burn, or of the next, s.
     """
     nav = onboard.navigation
     plan = onboard.state.plan
@@ -240,12 +241,12 @@ def planned_primer(
     elif k == nav.arc:
         later = nav.time - plan.ignition[k]
         return primer_later(believed.environment, load(nav.position), (p, q), later)
-    return carried_back(nav, believed, ignition, (p, q))
+    return propagated_back(nav, believed, ignition, (p, q))
 
 
 @kernel
-def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
-    """Unknowns from the plan."""
+def guess_by_plan(believed: MissionRecords, onboard: Onboard) -> None:
+    """Write the unknowns from the plan."""
     nav = onboard.navigation
     state = onboard.state
     memory = state.optimal
@@ -276,8 +277,8 @@ def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def carry(mission: MissionRecords, onboard: Onboard) -> None:
-    """Bring the costates of the last solution to the present state, jettisons included."""
+def propagate_costates(mission: MissionRecords, onboard: Onboard) -> None:
+    """Propagate the costates of the last solution to the present state, across jettisons."""
     nav = onboard.navigation
     environment = mission.environment
     memory = onboard.state.optimal
@@ -286,7 +287,7 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
     p = (u[0], u[1], u[2])
     q = (-u[3], -u[4], -u[5])
     p, q = primer_later(environment, r, (p, q), nav.time - memory.time)
-    # what has gone since: its jump, and its unknowns
+    # a jettison since then: apply its jump and remove its unknowns
     index = 0
     for j in range(mission.jettisons.shape[0]):
         if not awaits_heating(mission.jettisons, memory.jettisoned, j):
@@ -307,7 +308,7 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
     first = free_column(nav, mission.jettisons, memory.options)
     for i in range(COLUMN_JETTISON + 1, first, 2):
         u[i] *= size
-    carry_ends(mission, onboard, first)
+    drop_past_ends(mission, onboard, first)
     if memory.jettisoned != nav.jettisoned:
         memory.age = REFRESH
     memory.jettisoned = nav.jettisoned
@@ -315,8 +316,8 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def first_guess(jettisons: NDArray[Any], onboard: Onboard) -> None:
-    """Unknowns from the steering in force: lambda_v = direction, lambda_r = -rate."""
+def guess_by_steering(jettisons: NDArray[Any], onboard: Onboard) -> None:
+    """Write the unknowns from the steering in force: lambda_v = direction, lambda_r = -rate."""
     nav = onboard.navigation
     solution = onboard.state.solution
     u = onboard.state.optimal.unknowns
@@ -338,7 +339,7 @@ def first_guess(jettisons: NDArray[Any], onboard: Onboard) -> None:
 
 @kernel
 def correct(believed: MissionRecords, onboard: Onboard) -> bool:
-    """One correction with the Jacobian of an earlier cycle; False if that is not enough."""
+    """Correct once with the Jacobian of an earlier cycle; return False if that does not suffice."""
     nav = onboard.navigation
     memory = onboard.state.optimal
     work = memory.work
@@ -356,7 +357,7 @@ def correct(believed: MissionRecords, onboard: Onboard) -> bool:
     if not lengths_inside(nav, believed.arcs, u, work):
         return False
     for i in range(COLUMN_JETTISON, work.first_free, 2):
-        # a limit that has stopped to bind is a matter for the search
+        # a limit has become inactive: leave it to the search
         if u[i + 1] > _ROUNDING or u[i] < work.floor[i] or u[i] > u[COLUMN_CUTOFF]:
             return False
     return True
@@ -366,7 +367,7 @@ def correct(believed: MissionRecords, onboard: Onboard) -> bool:
 def search(
     believed: MissionRecords, onboard: Onboard, guessed: bool, restart: bool
 ) -> tuple[int, bool]:
-    """The optimum by Newton's method; iterations, and whether it was found."""
+    """Search the optimum by Newton's method; return iterations and whether it was found."""
     nav = onboard.navigation
     jettisons = believed.jettisons
     memory = onboard.state.optimal
@@ -380,7 +381,7 @@ def search(
     memory.options.max_steps = min(memory.steps_left, MOST_WASTED - memory.wasted)
     if memory.options.max_steps <= 0:
         return 0, False
-    # a slice: for the nested array itself the search would be compiled once more
+    # pass a slice: the nested array has another type, which would compile the search again
     iterations, _, status, starts = find_optimum(
         nav,
         believed,
@@ -390,27 +391,27 @@ def search(
         work,
     )
     memory.steps_left -= work.spent
-    # the next search in vain begins where this one has stopped
+    # after a failure the next search starts with the next built-in guess
     memory.first_start = 0 if status == CONVERGED else memory.first_start + starts
     memory.wasted = 0 if status == CONVERGED else memory.wasted + work.spent
     memory.age = 0
     for j in range(jettisons.shape[0]):
-        # a limit that does not bind was flown as a time: the Jacobian is of another problem
+        # an inactive limit was solved as a fixed time: the Jacobian is of another problem
         if work.jettisons[j].criterion != jettisons[j].criterion or work.pinned[j] == 1:
             memory.age = REFRESH
     return iterations, status == CONVERGED
 
 
 @kernel
-def tell_lengths(mission: MissionRecords, onboard: Onboard) -> None:
-    """Write the lengths of the free arcs ahead into the plan, and into the arcs of the leg.
+def write_lengths(mission: MissionRecords, onboard: Onboard) -> None:
+    """Write the lengths of the free arcs ahead into the plan.
 
-    The search may have solved without a drop that is due at once: where the ends stand follows
-    from the mission, not from its last problem.
+    The columns of the ends follow from the mission: the last search may have left out a drop that
+    is due at once.
 
     Args:
-        mission: as in :func:`solve_optimal`; so the next.
-        onboard: what is on board, with the solution. Its plan is changed.
+        mission: as guidance believes it.
+        onboard: state of guidance, with the solution. Its plan is changed.
     """
     state = onboard.state
     memory = state.optimal
@@ -430,8 +431,8 @@ def tell_lengths(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def tell(mission: MissionRecords, onboard: Onboard) -> None:
-    """Write the solution where the guidance cycle looks for it."""
+def write_solution(mission: MissionRecords, onboard: Onboard) -> None:
+    """Convert the unknowns to the solution of the guidance cycle."""
     nav = onboard.navigation
     state = onboard.state
     solution = state.solution
@@ -446,7 +447,7 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
     note_tail_off(mission.arcs[mission.arcs.shape[0] - 1], state)
     solution.time_to_go = u[COLUMN_CUTOFF] - nav.time + solution.tail_gain
     if plans_whole(state):
-        tell_lengths(mission, onboard)
+        write_lengths(mission, onboard)
     index = COLUMN_JETTISON
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
@@ -455,7 +456,7 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
     plan_segments(mission, onboard)
     burn = solution.time_to_go
     l_sum, j_sum, _, _, _, _ = thrust_integrals(state, burn, burn)
-    # the burn as one vector, along its mean direction: where PEG would take over
+    # delta-V along the mean direction: the initial guess if PEG takes over
     mean = unit(axpy(j_sum / l_sum, load(solution.direction_rate), load(solution.direction)))
     store(solution.velocity_to_go, scale(l_sum, mean))
     end = memory.work.state
@@ -465,7 +466,7 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def set_options(mission: MissionRecords, onboard: Onboard) -> None:
-    """The on-board problem: inverse-square gravity, coarse steps."""
+    """Set up the on-board problem: inverse-square gravity, coarse steps."""
     options = onboard.state.optimal.options
     last = mission.arcs[mission.arcs.shape[0] - 1]
     options.gravity = INVERSE_SQUARE
@@ -478,17 +479,17 @@ def set_options(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart: bool) -> int:
-    """The optimum from a navigation state into the state on board.
+    """Solve for the optimum from the navigation state.
 
     Args:
-        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
-        onboard: what is on board. Changed.
-        start: what to start from if the last cycle left no solution: the plan, the steering on
-            board, or nothing (BY_PLAN, BY_STEERING, BY_NOTHING).
-        restart: seek from other guesses too when the first leads nowhere.
+        mission: as guidance believes it.
+        onboard: state of guidance. Changed.
+        start: initial guess if the last cycle left no solution: BY_PLAN, BY_STEERING (the
+            steering in force) or BY_NOTHING.
+        restart: try the built-in guesses too if the first one fails.
 
     Returns:
-        ERROR_NONE, or ERROR_NOT_CONVERGED with the steering on board untouched.
+        ERROR_NONE, or ERROR_NOT_CONVERGED with the steering unchanged.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -498,16 +499,16 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart
     iterations = 1
     found = False
     if memory.solved == 1:
-        carry(believed, onboard)
+        propagate_costates(believed, onboard)
         memory.age += 1
         remaining = memory.unknowns[COLUMN_CUTOFF] - nav.time
         if memory.age < REFRESH and remaining > LAST:
             found = correct(believed, onboard)
     else:
         if start == BY_PLAN:
-            planned_guess(believed, onboard)
+            guess_by_plan(believed, onboard)
         elif start == BY_STEERING:
-            first_guess(mission.jettisons, onboard)
+            guess_by_steering(mission.jettisons, onboard)
         memory.solved_in = nav.arc
         memory.time = nav.time
         memory.jettisoned = nav.jettisoned
@@ -519,15 +520,15 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart
         return ERROR_NOT_CONVERGED
     state.law = LAW_OPTIMAL
     state.solution.miss_speed = 0.0
-    tell(mission, onboard)
+    write_solution(mission, onboard)
     return ERROR_NONE
 
 
 @kernel
 def ends_early(mission: MissionRecords, onboard: Onboard) -> bool:
-    """Return whether the optimum on board would cut off before the last arc.
+    """Return whether the optimum would cut off before the shortest length of the last arc.
 
-    Where the ends of arcs are unknowns they have bounds.
+    Where the ends of arcs are unknowns, bounds prevent that.
     """
     state = onboard.state
     if plans_whole(state):
@@ -538,14 +539,14 @@ def ends_early(mission: MissionRecords, onboard: Onboard) -> bool:
 
 @kernel
 def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """The optimum; a solution by PEG where there is none.
+    """Solve for the optimum, or by PEG if none is found.
 
     Args:
-        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
-        onboard: what is on board. Changed.
-        cold: there is no solution to go on from.
+        mission: as guidance believes it.
+        onboard: state of guidance. Changed.
+        cold: there is no solution to continue from.
 
-    Returns: as :func:`ares_guidance.kernels.convergence.converge`.
+    Returns: as in :func:`ares_guidance.kernels.convergence.converge`.
     """
     error = ERROR_NOT_CONVERGED
     state = onboard.state
@@ -558,7 +559,7 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
         return error, True
     error, reachable = seek_by_peg(mission, onboard, cold)
     if state.turn.held > 0.0:
-        # every flight that ends with the last arc's begin takes the same: there is no best
+        # the time to go is prescribed: there is nothing to minimize
         state.optimal.solved = 0
         return error, reachable
     if not plans_whole(state) and (cold or error == ERROR_NONE):
@@ -568,7 +569,7 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
         if found == ERROR_NONE:
             if state.solution.time_to_go <= longest:
                 return found, True
-            # an extremal, and no optimum
+            # an extremal that is not the optimum
             state.optimal.solved = 0
             state.optimal.wasted += state.optimal.work.spent
             begin_again(mission, onboard, cold)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Powered Explicit Guidance for any number of stages: one pass of predictor and corrector.
+"""One predictor-corrector pass of Powered Explicit Guidance for any number of stages.
 
 The multi-stage form of Brand, Brown and Higgins (NTRS 19740004402) and Jaggers (1977):
 one linear-tangent law to main-engine cut-off, every staging and jettison a segment
-boundary, gravity from a conic coast. The thesis (section 6.4, Appendix A) flew it with a
-full target at staging and jettison as well; here only the cut-off is targeted.
+boundary, gravity from a conic coast. The thesis (section 6.4, Appendix A) flew it with
+full targets at staging and jettison too; here only the cut-off has a target.
 """
 
 from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
-from ares_guidance.kernels.near import lets_place_go
+from ares_guidance.kernels.near import may_release_place
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import burn_time_to_go, note_tail_off, thrust_integrals
 from ares_models.arrays import MissionRecords
@@ -33,13 +33,13 @@ from ares_models.kernels.vectors import (
     unit,
 )
 
-#: Of the displacement that a turn gives, as a part of what thrust gives at all.
+#: Least lever arm of a turn, as a fraction of the displacement by thrust.
 LEAST_LEVER = 1e-9
 
 
 @kernel
 def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bool]:
-    """One predictor-corrector pass over the planned segments.
+    """Run one predictor-corrector pass over the planned segments.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
 
@@ -73,17 +73,17 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     r_go = sub(wanted_r, add(axpy(horizon, v, r), gravity_r))
     r_go = add(r_go, load(solution.displacement_bias))
     r_go = axpy(-dot(downrange, r_go), downrange, r_go)
-    # downrange is free: the part along the thrust is what the burn gives
+    # downrange is free: choose it so that the part along the thrust equals the burn's displacement
     r_go = axpy((s_sum - dot(direction, r_go)) / dot(direction, downrange), downrange, r_go)
     lever = q_sum - s_sum * k
     rate = scale(1.0 / lever, axpy(-s_sum, direction, r_go))
     if not abs(lever) > LEAST_LEVER * abs(s_sum) * t_go:
-        # all thrust has one direction
+        # a turn has no effect, such as in held attitude
         rate = (0.0, 0.0, 0.0)
     solution.turn = norm(rate) * max(k, t_go - k)
     if solution.turn > STEEPEST:
         rate = scale(STEEPEST / solution.turn, rate)
-    let_go = lets_place_go(mission, onboard, solution.turn)
+    let_go = may_release_place(mission, onboard, solution.turn)
     if let_go:
         rate = (0.0, 0.0, 0.0)
         r_go = scale(s_sum, direction)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What thrust and gravity do to position and velocity over the burn to come."""
+"""Predicted effect of thrust and gravity on position and velocity over the burn ahead."""
 
 import cmath
 import math
@@ -34,7 +34,8 @@ NODES = tuple((0.5 * (1.0 + _nodes)).tolist())
 WEIGHTS = tuple((0.5 * _weights).tolist())
 
 
-#: Angle below which a mode is a line, and the least difference of two modes, as a part of w^2.
+#: Angle below which a mode is linear in time, and least difference of the two squared rates, as a
+#: fraction of w^2.
 NO_CHANGE = 1e-9
 NO_SPREAD = 1e-6
 
@@ -43,11 +44,11 @@ Plane = tuple[float, float, float, float]
 
 
 class LinearTangent(NamedTuple):
-    """Steering ahead: thrust along unit(direction + rate (t - reference)).
+    """Hold a linear-tangent steering: thrust along unit(direction + rate (t - reference)).
 
     Attributes:
         direction: unit vector.
-        rate: 1/s, normal to it; of a primer, any.
+        rate: 1/s, normal to the direction; for a primer in any direction.
         reference: s from now.
     """
 
@@ -58,13 +59,13 @@ class LinearTangent(NamedTuple):
 
 @kernel
 def steered_thrust(integrals: Integrals, steering: LinearTangent) -> tuple[Vector, Vector]:
-    """Velocity and displacement that the thrust behind the integrals gives.
+    """Compute velocity and displacement by thrust from its integrals.
 
-    Expanded to second order in the turn from the reference direction.
+    The direction is expanded to second order in the turn from the reference.
 
     Args:
         integrals: (L, J, S, Q, P, H) of :func:`thrust_integrals`.
-        steering: how the thrust turns.
+        steering: thrust direction over time.
 
     Returns:
         velocity m/s, displacement m.
@@ -84,7 +85,7 @@ def steered_thrust(integrals: Integrals, steering: LinearTangent) -> tuple[Vecto
 
 @kernel
 def mode(square: complex, t: float) -> tuple[complex, complex]:
-    """Solutions of x'' = square x that begin as (1, 0) and as (0, 1); time t, s."""
+    """Return the solutions of x'' = square x with initial (x, x') = (1, 0) and (0, 1) at t, s."""
     root = cmath.sqrt(square)
     if abs(root * t) < NO_CHANGE:
         return 1.0 + 0.0j, t + 0.0j
@@ -93,18 +94,18 @@ def mode(square: complex, t: float) -> tuple[complex, complex]:
 
 @kernel
 def in_plane(w: float, n: float, s: float, x: Plane) -> Plane:
-    """Primer in the plane of flight, in axes up and ahead that turn at ``n``.
+    """Propagate the primer in the plane of flight, in axes up and ahead that rotate at ``n``.
 
     There p'' + 2 n J p' - n^2 p = w^2 (2 p_up, -p_ahead): two modes, of which the squares of the
     rates are the roots of z^2 + (2 n^2 - w^2) z + (n^2 + 2 w^2)(n^2 - w^2).
 
     Args:
-        w: root of the gradient, 1/s.
-        n: 1/s.
-        s: s.
+        w: square root of the gradient, 1/s.
+        n: rotation rate, rad/s.
+        s: time, s.
         x: primer up and ahead, and their rates, at s = 0.
 
-    Returns: the same at s.
+    Returns: primer and rates at ``s``.
     """
     spread = w * cmath.sqrt(9.0 * w * w - 8.0 * n * n)
     if abs(spread) < NO_SPREAD * w * w:
@@ -131,14 +132,14 @@ def in_plane(w: float, n: float, s: float, x: Plane) -> Plane:
 
 @kernel
 def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector, Vector]:
-    """Primer at a time, and its rate: p'' = w^2 (3 (p . up) up - p).
+    """Propagate the primer and its rate by p'' = w^2 (3 (p . up) up - p).
 
-    That is the gradient of an inverse-square field of steady strength, whose axis turns steadily;
-    with w = 0 it is the linear tangent.
+    That is the gradient of an inverse-square field of constant strength, whose axis rotates at a
+    constant rate; with w = 0 it is the linear tangent law.
 
     Args:
         solution: record SOLUTION, with w and the axis.
-        steering: its value and rate at the reference.
+        steering: primer and rate at the reference.
         t: s from now.
     """
     direction, rate, reference = steering
@@ -154,7 +155,7 @@ def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector,
     c, d = math.cos(n * reference), math.sin(n * reference)
     up = axpy(d, side, scale(c, axis))
     ahead = axpy(-d, axis, scale(c, side))
-    # to axes that turn
+    # to rotating axes
     x0, x1 = dot(direction, up), dot(direction, ahead)
     x2, x3 = dot(rate, up) + n * x1, dot(rate, ahead) - n * x0
     y0, y1, y2, y3 = in_plane(w, n, s, (x0, x1, x2, x3))
@@ -175,15 +176,15 @@ def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector,
 def turned_thrust(
     state: Record, until: float, cutoff: float, steering: LinearTangent
 ) -> tuple[Vector, Vector]:
-    """Velocity and displacement that the planned thrust gives, however far it turns.
+    """Compute velocity and displacement by the planned thrust for a turn of any size.
 
-    Gauss-Legendre over the velocity that each segment gives.
+    Gauss-Legendre quadrature over the delta-V of each segment.
 
     Args:
         state: record GUIDANCE_STATE with planned segments.
         until: s from now.
         cutoff: end of all thrust, s from now.
-        steering: how the thrust turns.
+        steering: thrust direction over time.
 
     Returns:
         velocity m/s, displacement m.
@@ -209,10 +210,10 @@ def turned_thrust(
 def gravity_effect(
     r: Vector, v: Vector, thrust_v: Vector, thrust_r: Vector, until: float, environment: Record
 ) -> tuple[Vector, Vector]:
-    """Velocity and displacement due to gravity, from a coast that shadows the burn.
+    """Compute velocity and displacement by gravity, from a coast that shadows the burn.
 
-    The coast starts so that it runs through the mean of the thrusted path; gravity is
-    what it adds to a straight line.
+    The coast is offset to run through the mean of the thrusted path; its deviation from a straight
+    line is the effect of gravity.
 
     Args:
         r: position now, m.

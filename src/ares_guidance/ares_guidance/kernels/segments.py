@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The burn still to come, cut into segments of constant thrust or constant acceleration.
+"""The remaining burn as segments of constant thrust or constant acceleration.
 
-A segment ends where the mission's arc ends, where something is dropped: a jettison is the
-boundary of a "virtual stage" (Brand, Brown, Higgins 1974 for the multi-stage form), and where a
-throttled engine meets its limit or its least thrust (Jaggers 1977: constant acceleration).
+A segment ends with the mission's arc, at a drop (a jettison bounds a "virtual stage"; Brand,
+Brown, Higgins 1974 for the multi-stage form), and where a throttled engine reaches its
+acceleration limit or its least thrust (Jaggers 1977: constant acceleration).
 """
 
 import math
@@ -22,17 +22,17 @@ from ares_models.kernels.sequence import (
     last_ignition,
     mass_at_staging,
 )
-from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, stretch, time_to_burn
+from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, throttle_regime, time_to_burn
 from ares_models.kernels.thrust_curve import curve_area, flow_area, start_length, tail_length
 
-#: Segments of constant thrust that stand for what is left of a solid motor's table.
+#: Number of constant-thrust segments that replace the rest of a solid motor's table.
 TABLE_PIECES = 4
-#: Mass flow below which a motor hardly burns, as a part of the full one.
+#: Least mass flow of a motor, as a fraction of full flow.
 LEAST_FLOW = 1e-6
-#: s that a last burn lasts which the target would not need.
+#: Length of a last burn that the target does not need, s.
 SHORTEST_BURN = 0.05
 
-#: L, J, S, Q, P, H.
+#: Thrust integrals L, J, S, Q, P, H, see :func:`thrust_integrals`.
 Integrals = tuple[float, float, float, float, float, float]
 
 
@@ -40,14 +40,14 @@ Integrals = tuple[float, float, float, float, float, float]
 def next_drop(
     mission: MissionRecords, state: Record, dropped: int, lit: tuple[int, float], now: float
 ) -> tuple[int, float]:
-    """What is dropped next, and when, s; -1 and inf: nothing.
+    """Return the next jettison and its time, s; -1 and inf if there is none.
 
     Args:
         mission: as guidance believes it.
-        state: record GUIDANCE_STATE, whose solution times the heating jettisons.
+        state: record GUIDANCE_STATE; its solution holds the times of the heating jettisons.
         dropped: bit j set: jettison j is gone.
-        lit: stage that was lit last, and when, s.
-        now: s; when what is overdue goes.
+        lit: stage ignited last, and its ignition time, s.
+        now: time at which an overdue jettison drops, s.
     """
     first = -1
     at = math.inf
@@ -66,13 +66,13 @@ def next_drop(
 def add_segment(
     onboard: Onboard, begin: float, end: float, mass: float, engine: tuple[float, float]
 ) -> Record:
-    """Append a segment to the plan, if there is room; of constant thrust, until told otherwise.
+    """Append a constant-thrust segment to the plan; if it is full, overwrite the last one.
 
     Args:
-        onboard: what is on board. Its plan is changed.
+        onboard: state of guidance. Its segments are changed.
         begin: mission elapsed time, s.
-        end: the same; inf for the free burn.
-        mass: at its begin, kg.
+        end: mission elapsed time, s; inf for the free burn.
+        mass: at its start, kg.
         engine: exhaust velocity m/s and mass flow kg/s.
 
     Returns:
@@ -97,7 +97,7 @@ def add_segment(
 
 
 @kernel
-def plan_stretches(
+def plan_regimes(
     onboard: Onboard,
     arc: Record,
     engine: tuple[float, float],
@@ -105,24 +105,24 @@ def plan_stretches(
     mass: float,
     empty: float,
 ) -> float:
-    """Append the segments of a burn between two drops: one, or up to three if it is throttled.
+    """Append the segments of a burn between two drops: one, or up to three if throttled.
 
     Args:
-        onboard: what is on board. Its plan is changed.
+        onboard: state of guidance. Its segments are changed.
         arc: record ARC.
         engine: exhaust velocity m/s and mass flow at full thrust kg/s.
-        span: begin and end of it, s; the end inf for the free burn.
-        mass: at its begin, kg.
-        empty: without the stage's propellant, kg.
+        span: start and end, s; the end inf for the free burn.
+        mass: at the start, kg.
+        empty: mass at depletion of the stage, kg.
 
     Returns:
-        mass at its end, kg; of the free burn that of its last segment's begin.
+        mass at the end, kg; for the free burn the mass at the start of its last segment.
     """
     begin, last = span
     exhaust_velocity, flow = engine
     limit = arc.max_acceleration
     for _ in range(3):
-        kind, length = stretch(arc, engine, mass)
+        kind, length = throttle_regime(arc, engine, mass)
         end = min(last, begin + length)
         rate = flow * arc.min_throttle if kind == LEAST else flow
         segment = add_segment(onboard, begin, end, mass, (exhaust_velocity, rate))
@@ -147,18 +147,18 @@ def plan_stretches(
 def mean_engine(
     arc: Record, engine: tuple[float, float], begin: float, end: float
 ) -> tuple[float, float]:
-    """Exhaust velocity m/s and mass flow kg/s of a solid motor, as a mean over a part of its table.
+    """Average exhaust velocity m/s and mass flow kg/s of a solid motor over a part of its table.
 
     Args:
         arc: record ARC.
         engine: of the whole table: exhaust velocity m/s, mass flow at full thrust kg/s.
         begin: s since the ignition command.
-        end: the same, later.
+        end: s since the ignition command, more than ``begin``.
     """
     flow = flow_area(arc, end) - flow_area(arc, begin)
     times, fractions, knots = arc.start_time, arc.start_fraction, arc.start_knots
     thrust = curve_area(times, fractions, knots, end) - curve_area(times, fractions, knots, begin)
-    # where the motor hardly burns
+    # avoid a division by almost zero
     least = LEAST_FLOW * (end - begin)
     if flow < least or thrust < least:
         return engine[0], least * engine[1] / (end - begin)
@@ -174,18 +174,18 @@ def plan_burn(
     stack: tuple[float, int],
     lit: tuple[int, float],
 ) -> tuple[float, int]:
-    """Append the segments of one burn, a new one after each drop.
+    """Append the segments of one burn, split at each drop.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. Its plan is changed.
+        onboard: state of guidance. Its segments are changed.
         k: the arc.
-        span: ignition command, begin and end of the thrust, s; the end inf for the free burn.
-        stack: mass at the begin, kg, and what has dropped.
-        lit: stage that was lit last, and when, s.
+        span: ignition command, start and end of the thrust, s; the end inf for the free burn.
+        stack: mass at the start, kg, and bits of the dropped jettisons.
+        lit: stage ignited last, and its ignition time, s.
 
     Returns:
-        mass at the end, and what has dropped by then.
+        mass at the end, kg, and bits of the jettisons dropped by then.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -208,7 +208,7 @@ def plan_burn(
                 if segment_end - cursor > 1.5 * piece:
                     part_end = cursor + piece
                 part = mean_engine(arc, engine, cursor - ignition, part_end - ignition)
-            mass = plan_stretches(onboard, arc, part, (cursor, part_end), mass, empty)
+            mass = plan_regimes(onboard, arc, part, (cursor, part_end), mass, empty)
             cursor = part_end
         if drop < 0:
             break
@@ -225,12 +225,12 @@ def plan_burn(
 def plan_segments(mission: MissionRecords, onboard: Onboard) -> None:
     """Fill ``state.segments`` from the present arc to the free burn.
 
-    Heating jettisons stand where the solution has them, the others where the mission puts
-    them. Thrust transients enter as the time that an equal impulse at full thrust takes.
+    Heating jettisons take their times from the solution, the others from the mission. A thrust
+    transient is replaced by full thrust for the time of an equal impulse.
 
     Args:
         mission: as guidance believes it.
-        onboard: what is on board. Its plan is changed.
+        onboard: state of guidance. Its segments are changed.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -266,21 +266,21 @@ def plan_segments(mission: MissionRecords, onboard: Onboard) -> None:
                 empty = cursor + time_to_burn(arc, (ve, mass_flow), mass, left)
             end = empty if unforeseen else min(end, empty)
         mass, dropped = plan_burn(mission, onboard, k, (begin, cursor, end), (mass, dropped), lit)
-        # the tail runs on while the next arc begins at the cut-off command
+        # the next arc begins at the cut-off command, during the tail-off
         cursor = end - arc.tail_gain if math.isfinite(end) else end
 
 
 @kernel
 def segment_integrals(segment: Record, tb: float) -> Integrals:
-    """Thrust integrals of a segment alone over its first ``tb`` s, to their end.
+    """Compute the thrust integrals of one segment over its first ``tb`` s, up to that time.
 
     Args:
         segment: record SEGMENT.
         tb: s.
 
     Returns:
-        (L, J, S, Q, P, H) as of :func:`thrust_integrals`, but J without the segment's start
-        time; H only of a segment whose direction is held, else 0.
+        (L, J, S, Q, P, H) as in :func:`thrust_integrals`, but J relative to the segment's start;
+        H only for a segment with held direction, else 0.
     """
     t1 = segment.start
     if segment.acceleration > 0.0:
@@ -309,13 +309,13 @@ def segment_integrals(segment: Record, tb: float) -> Integrals:
 
 @kernel
 def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
-    """Thrust integrals over the planned segments, cut off early, from now to ``until``.
+    """Compute the thrust integrals over the planned segments up to a cut-off.
 
     With a the thrust acceleration and s the time from now:
     L = int a, J = int a s, H = int a s^2 (single integrals),
     S = int int a, Q = int int a s, P = int int a s^2 (double integrals, to ``until``).
-    Closed form per segment, after Brand, Brown, Higgins (NTRS 19740004402). Where the direction
-    is held, s is the time that it is held from.
+    Closed form per segment, after Brand, Brown, Higgins (NTRS 19740004402). In a segment with
+    held direction s is the time that the direction is taken from.
 
     Args:
         state: record GUIDANCE_STATE with planned segments.
@@ -369,7 +369,7 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
 
 @kernel
 def time_to_gain(segment: Record, delta_v: float) -> float:
-    """Time, s, in which a segment gives ``delta_v``, m/s, however long that is."""
+    """Return the time, s, in which a segment of unlimited length gives ``delta_v``, m/s."""
     if segment.acceleration > 0.0:
         return delta_v / segment.acceleration
     return -segment.tau * math.expm1(-delta_v / segment.exhaust_velocity)
@@ -377,7 +377,7 @@ def time_to_gain(segment: Record, delta_v: float) -> float:
 
 @kernel
 def gain_within(segment: Record, t: float) -> float:
-    """Velocity, m/s, that a segment gives in its first ``t`` s."""
+    """Return the delta-V, m/s, of the first ``t`` s of a segment."""
     if segment.acceleration > 0.0:
         return segment.acceleration * t
     return -segment.exhaust_velocity * math.log1p(-t / segment.tau)
@@ -385,7 +385,7 @@ def gain_within(segment: Record, t: float) -> float:
 
 @kernel
 def acceleration_at(segment: Record, t: float) -> float:
-    """Thrust acceleration, m/s2, ``t`` s after the begin of a segment."""
+    """Return the thrust acceleration, m/s2, ``t`` s after the start of a segment."""
     if segment.acceleration > 0.0:
         return segment.acceleration
     return segment.exhaust_velocity / (segment.tau - t)
@@ -393,20 +393,20 @@ def acceleration_at(segment: Record, t: float) -> float:
 
 @kernel
 def direction_time(segment: Record, t: float) -> float:
-    """When, s from now, the steering has the direction that a segment's thrust has at ``t``."""
+    """Return the time, s from now, that gives the thrust direction of a segment at ``t``."""
     return t if math.isnan(segment.held_at) else segment.held_at
 
 
 @kernel
 def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int]:
-    """Time at which the planned burn has given ``delta_v``.
+    """Find the time at which the planned burn has given ``delta_v``.
 
     Args:
         state: record GUIDANCE_STATE with planned segments.
         delta_v: m/s.
 
     Returns:
-        time from now in s, and index of the segment in which it falls.
+        time from now, s, and index of its segment.
     """
     left = delta_v
     last = state.segment_count - 1
@@ -422,14 +422,14 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int]:
 
 @kernel
 def least_time_to_go(arcs: NDArray[Any], nav: Record, state: Record) -> float:
-    """Return the time to go, s, at which the last arc has lasted as long as it must.
+    """Return the least time to go, s, at which the last arc has reached its shortest length.
 
-    The arcs before it are flown whole. A burn of fixed length ends by the clock.
+    The arcs before it are flown in full. A burn of fixed length ends by the clock.
 
     Args:
         arcs: dtype ARC.
         nav: record NAVIGATION.
-        state: record GUIDANCE_STATE, before the last arc with planned segments.
+        state: record GUIDANCE_STATE; before the last arc its segments must be planned.
     """
     last = arcs.shape[0] - 1
     arc = arcs[last]
@@ -446,9 +446,9 @@ def least_time_to_go(arcs: NDArray[Any], nav: Record, state: Record) -> float:
 
 @kernel
 def note_tail_off(arc: Record, state: Record) -> None:
-    """What follows the cut-off command: an impulse, and a drift until the thrust is gone.
+    """Write the effect of the tail-off: its impulse in s of full thrust, and the drift after it.
 
-    The target holds at the end of the thrust; until then the vehicle moves on.
+    The target is to be met at the end of the tail-off.
     """
     state.solution.tail_gain = arc.tail_gain
     state.solution.tail_drift = 0.0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the propellant does not reach the target: the highest energy that it does reach.
+"""Lowered targets where the propellant falls short: the highest energy within reach.
 
-Where that is no orbit that is safe, and one is within reach, it is the lowest safe orbit.
+If that is not a safe orbit and one is within reach, the aim is the lowest safe orbit.
 """
 
 import math
@@ -17,19 +17,19 @@ from ares_models.arrays import (
 from ares_models.jit import kernel
 from ares_models.kernels.targets import names, plane_is_named
 
-#: m/s of surplus or lack that is left alone.
+#: Surplus or lack of delta-V that is ignored, m/s.
 SETTLED = 0.5
 _ROUNDEST = 1e-6  # eccentricity that a lowered orbit keeps, so that it has a perigee
 ROUNDS = 6
-#: Of the velocity still to gain: taken off a target to which nothing converges after a failure,
-#: in one cycle and in all.
+#: Speed taken off a target that no search converges to after a failure, as a fraction of the
+#: velocity-to-go: in one cycle and in total.
 STEP_DOWN = 0.12
 MOST_DOWN = 0.7
 
 
 @kernel
 def lacking_speed(state: Record) -> float:
-    """Velocity, m/s, that the plan needs beyond its propellant; negative: has to spare."""
+    """Return the delta-V that the plan needs beyond its propellant, m/s; negative: surplus."""
     for i in range(state.segment_count):
         segment = state.segments[i]
         burn = state.solution.time_to_go - segment.start
@@ -43,7 +43,7 @@ def lacking_speed(state: Record) -> float:
 
 @kernel
 def _lower_orbit(target: Record, mu: float, by: float) -> float:
-    """As :func:`lower_target`, for a target by elements: whatever it names goes along."""
+    """Take speed off the perigee of a target by elements and update all its elements."""
     perigee = target.perigee_radius
     speed = math.sqrt(target.c3 + 2.0 * mu / perigee)
     lowered = max(speed - by, math.sqrt(mu / perigee))
@@ -56,10 +56,10 @@ def _lower_orbit(target: Record, mu: float, by: float) -> float:
 
 @kernel
 def lower_target(target: Record, mu: float, by: float) -> float:
-    """Take speed off a target, m/s: radius and angle stay, or the perigee of an orbit does.
+    """Take ``by`` m/s off a target at fixed radius and angle, or off an orbit at its perigee.
 
     Returns:
-        what was taken off; less than asked where an orbit would sink below its perigee.
+        speed taken off, m/s; less than ``by`` if the orbit becomes a circle at its perigee.
     """
     if target.kind == TARGET_ELEMENTS:
         return _lower_orbit(target, mu, by)
@@ -78,7 +78,7 @@ def lower_target(target: Record, mu: float, by: float) -> float:
 
 @kernel
 def has_safe_orbit(target: Record) -> bool:
-    """Whether there is a safe orbit in the target's plane."""
+    """Return whether a safe orbit in the target's plane is defined."""
     if target.kind == TARGET_ELEMENTS and not names(target, NAMES_INCLINATION):
         return False
     return target.safe_radius > 0.0
@@ -86,7 +86,7 @@ def has_safe_orbit(target: Record) -> bool:
 
 @kernel
 def aim_at_safe_orbit(target: Record, mu: float) -> None:
-    """Make a target the lowest orbit that is safe: a circle in the same plane."""
+    """Set a target to the lowest safe orbit: a circle in the same plane."""
     if plane_is_named(target):
         target.kind = TARGET_RADIUS_SPEED_ANGLE_PLANE
     else:

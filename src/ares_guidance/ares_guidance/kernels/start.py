@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an iteration begins."""
+"""Initial guess of an iteration."""
 
 import math
 
@@ -10,16 +10,16 @@ from ares_models.jit import kernel
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane, target_speed
 from ares_models.kernels.vectors import add, axpy, cross, load, norm, scale, store, sub, unit
 
-#: Cosine of half the turn that a guess makes at most.
+#: Least cosine of half the turn of a guess.
 HALF_TURN = 0.3
 
 
 @kernel
 def guess_by_plan(onboard: Onboard) -> None:
-    """Velocity-to-go of the thrust that the plan has until the end of the leg.
+    """Set the velocity-to-go to the planned thrust until the end of the leg.
 
     Args:
-        onboard: what is on board, with planned segments. Its solution is changed.
+        onboard: state of guidance, with planned segments. Its solution is changed.
     """
     state = onboard.state
     leg = state.leg
@@ -37,10 +37,10 @@ def guess_by_plan(onboard: Onboard) -> None:
 
 @kernel
 def turn_by_plan(onboard: Onboard, t_go: float) -> None:
-    """The primer of the plan, or the turn from its first to its last direction about their mean.
+    """Set the steering to the planned primer, or to a turn from first to last direction.
 
     Args:
-        onboard: what is on board. Its solution is changed.
+        onboard: state of guidance. Its solution is changed.
         t_go: s.
     """
     leg = onboard.state.leg
@@ -60,10 +60,10 @@ def turn_by_plan(onboard: Onboard, t_go: float) -> None:
 
 @kernel
 def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
-    """First velocity-to-go: the scalar impulse along the velocity, Eqs. 5.29 and 5.35.
+    """Set the first velocity-to-go: a scalar impulse along the velocity, Eqs. 5.29 and 5.35.
 
-    A state that is ``seeded`` keeps its velocity-to-go and jettison times instead, once. In a
-    flight by a plan it is what the plan gives until the end of the leg.
+    A ``seeded`` state keeps its own velocity-to-go and jettison times instead, once. In a flight
+    by a plan the guess is the planned thrust until the end of the leg.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
@@ -81,7 +81,7 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
         speed = norm(v)
         wanted = target_speed(target, mu, norm(r)) - speed
         course = scale(1.0 / speed, v) if speed > 1.0 else unit(r)
-        # an impulse below what a second of flight gives would leave no burn to steer
+        # a smaller impulse would leave no burn to steer
         store(solution.velocity_to_go, scale(max(wanted, 0.05 * speed + 10.0), course))
         for j in range(solution.jettison_time.shape[0]):
             solution.jettison_time[j] = math.inf

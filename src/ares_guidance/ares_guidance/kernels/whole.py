@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Law `optimal` on missions with free arcs before the last: the whole flight in every cycle.
+"""Law `optimal` on missions with free arcs before the last: solve the whole flight in each cycle.
 
-What the cycle shares with the other laws sees a mission whose arcs are as long as the last
-solution has them; the law itself solves for them anew. A plan that keeps what the two-point
-problem does not know of is flown leg by leg, and so is any once no optimum is found from where the
-flight is.
+The shared cycle sees a mission with the arc lengths of the last solution; the law solves for new
+lengths. A plan with constraints that the two-point problem lacks is flown leg by leg, and so is
+any plan once no optimum is found from the present state.
 """
 
 import math
@@ -18,7 +17,7 @@ from ares_models.jit import kernel
 
 @kernel
 def command_ends(mission: MissionRecords, onboard: Onboard) -> None:
-    """Command the ends of the free arcs ahead, as planned."""
+    """Command the planned ends of the free arcs ahead."""
     nav = onboard.navigation
     plan = onboard.state.plan
     steering = onboard.steering
@@ -51,6 +50,6 @@ def step_whole(mission: MissionRecords, onboard: Onboard) -> None:
     command_ends(mission, onboard)
     lost = state.optimal.solved == 0 and state.phase <= PHASE_TRACKING
     if lost and state.stale_cycles >= onboard.settings.max_stale_cycles:
-        # from here the best is not found: what was planned is flown
+        # no optimum from here: fly the plan leg by leg
         state.plan.by_legs = 1
         state.leg.count = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every guidance law by its name, from whichever package."""
+"""Guidance laws by name, of all installed packages."""
 
 from functools import cache
 
@@ -16,20 +16,20 @@ from ares_models.kernels.targets import names
 from ares_models.orbits import Insertion
 from ares_models.registry import load_registered
 
-#: What together leaves no place to choose.
+#: Elements that together fix the place of insertion on the orbit.
 _PLACE = NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY
 
 
 class FindsNoWay(ValueError):
-    """A law finds no way from where the flight begins to its target."""
+    """Report that a law finds no solution from the start of the flight to its target."""
 
 
 @cache
 def find_law(name: str) -> LawKind:
-    """A law by its name.
+    """Load a law by its name.
 
     Raises:
-        ValueError: no such law, or one that cannot be imported; one line.
+        ValueError: no such law, or its import fails; one line.
     """
     if name not in law_names():
         raise ValueError(f"law is {name!r}; expected one of {', '.join(law_names())}")
@@ -37,16 +37,16 @@ def find_law(name: str) -> LawKind:
 
 
 def self_starting_laws() -> list[str]:
-    """Names of the laws that start by themselves: from the navigation state alone, or a plan.
+    """Return the names of the laws that need no trajectory to start from.
 
     Raises:
-        ValueError: one cannot be imported; one line.
+        ValueError: a law cannot be imported; one line.
     """
     return [name for name in law_names() if not find_law(name).needs_trajectory]
 
 
 def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = None) -> Law:
-    """A law, ready for the first navigation state.
+    """Build a law, ready for the first navigation state.
 
     Args:
         name: one of `ares_guidance.registry.law_names`.
@@ -54,7 +54,7 @@ def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = No
         settings: cycle and gates.
 
     Raises:
-        ValueError: no such law, or one that cannot fly this mission.
+        ValueError: no such law, or the law cannot fly this mission.
     """
     kind = find_law(name)
     return kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
@@ -63,17 +63,17 @@ def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = No
 def check_law(
     name: str, arrays: MissionArrays, start: NDArray[np.void], plan: ArcPlan | None = None
 ) -> None:
-    """Try a law, with settings of its own, where a mission starts.
+    """Check that a law with default settings finds a solution at a mission's start.
 
     Args:
-        name: as of :func:`make_law`; so the next.
+        name: of the law.
         arrays: the mission.
         start: navigation state, shape (1,), dtype NAVIGATION.
         plan: of the free arcs before the last.
 
     Raises:
-        FindsNoWay: it finds no way there; one line, which names the laws that do.
-        ValueError: the target is none for it, or it needs a plan that is not there.
+        FindsNoWay: it finds none; one line, which names the laws that do.
+        ValueError: the law cannot fly to this target, or lacks a plan.
     """
     if finds_way(name, arrays, start, plan):
         return
@@ -92,7 +92,7 @@ def check_law(
 def _may_fly(
     name: str, arrays: MissionArrays, start: NDArray[np.void], plan: ArcPlan | None
 ) -> bool:
-    """As :func:`finds_way`; False too where the mission is none for the law."""
+    """Return :func:`finds_way`, or False if the law cannot fly the mission at all."""
     try:
         return finds_way(name, arrays, start, plan)
     except ValueError:
@@ -102,12 +102,12 @@ def _may_fly(
 def finds_way(
     name: str, arrays: MissionArrays, start: NDArray[np.void], plan: ArcPlan | None
 ) -> bool:
-    """Return whether a law, asked once where a mission starts, finds a way to its target.
+    """Return whether the first cycle of a law at a mission's start finds a solution.
 
-    Args: as of :func:`check_law`.
+    Args: as in :func:`check_law`.
 
     Raises:
-        ValueError: the target is none for it, or it needs a plan that is not there.
+        ValueError: the law cannot fly to this target, or lacks a plan.
     """
     law = make_law(name, arrays)
     if names(arrays.target[0], _PLACE) and not law.kind.meets_place:
@@ -119,7 +119,7 @@ def finds_way(
         law.follow_arcs(plan)
     law.step(start[0])
     solution = law.state["solution"]
-    # by a plan it can be reached
+    # with a plan the target plane is known to be in reach
     lost = law.state["error"] == ERROR_NOT_CONVERGED or (
         plan is not None and law.state["error"] == ERROR_TARGET_UNREACHABLE
     )
@@ -128,9 +128,9 @@ def finds_way(
 
 
 def rehearse(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
-    """Compile a law that has no plan yet, before anybody waits for it.
+    """Compile a law that has no plan yet, by one step on a dummy plan.
 
-    Args: as of :func:`check_law`.
+    Args: as in :func:`check_law`.
     """
     law = make_law(name, arrays)
     there = Insertion.from_state(start["position"][0], start["velocity"][0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A coast: a conic, and with J2 a conic between kicks by the oblateness.
+"""Propagation of a coast: a conic, and with J2 a conic between kicks by the oblateness.
 
 Source: Wisdom, Holman, "Symplectic maps for the N-body problem", Astron. J. 102 (1991).
 """
@@ -12,14 +12,14 @@ from ares_models.kernels.environment import gravity
 from ares_models.kernels.kepler import kepler
 from ares_models.kernels.vectors import Vector, axpy, dot
 
-#: Between kicks, s: 2 m are left of what J2 does in a revolution of a low orbit, 100 km.
+#: Time between kicks, s: the error is 2 m of the 100 km by J2 in a revolution of a low orbit.
 STEP = 15.0
 _MOST_STEPS = 1000.0
 
 
 @kernel
 def kicked(r: Vector, v: Vector, dt: float, environment: Record) -> Vector:
-    """Velocity, m/s, after what J2 gives in ``dt`` s."""
+    """Add the impulse of J2 in ``dt`` s to the velocity, m/s."""
     square = dot(r, r)
     central = environment.mu / (square * math.sqrt(square))
     return axpy(dt, axpy(central, r, gravity(r, environment)), v)
@@ -27,12 +27,12 @@ def kicked(r: Vector, v: Vector, dt: float, environment: Record) -> Vector:
 
 @kernel
 def coast(r: Vector, v: Vector, dt: float, environment: Record) -> tuple[Vector, Vector]:
-    """Position and velocity after a coast.
+    """Propagate position and velocity over a coast.
 
     Args:
         r: position, m.
         v: velocity, m/s.
-        dt: s.
+        dt: length, s; may be negative.
         environment: record of dtype ENVIRONMENT.
     """
     if environment.j2 == 0.0 or not abs(dt) > 0.0:

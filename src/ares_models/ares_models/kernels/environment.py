@@ -3,8 +3,8 @@
 
 ``environment`` is a record of dtype ``arrays.ENVIRONMENT``; ``atmosphere`` is the table of
 ``arrays.MissionArrays``: rows (altitude m, c0, c1, c2, c3), log density a cubic in the
-height above the row's altitude. The last row carries value and slope only, so that the
-table goes on linearly in log density above it; below the first row it does the same.
+height above the row's altitude. The last row has value and slope only: the table continues
+linearly in log density above it, and below the first row.
 """
 
 import math
@@ -19,7 +19,7 @@ from ares_models.kernels.vectors import Vector, dot, norm, scale
 
 @kernel
 def gravity(r: Vector, environment: Record) -> Vector:
-    """Gravitational acceleration, m/s2: Eq. 2.13, with J2 about the z axis if it is not 0.
+    """Compute the gravitational acceleration, m/s2: Eq. 2.13, plus J2 about z if it is not 0.
 
     Args:
         r: position, m, shape (3,) tuple.
@@ -40,9 +40,9 @@ def gravity(r: Vector, environment: Record) -> Vector:
 
 @kernel
 def altitude(r: Vector, environment: Record) -> float:
-    """Altitude, m: Eq. 2.15 over the ellipsoid, or r - R_equatorial if so chosen.
+    """Compute the altitude, m: Eq. 2.15 above the ellipsoid, or r - R_equatorial if so chosen.
 
-    Printed with a misplaced bracket; meant is
+    Eq. 2.15 is printed with a misplaced bracket; correct is
     h = r - (1 - eps) R_eq / sqrt(1 + ((1 - eps)^2 - 1)(1 - sin^2 lat)) with the geocentric
     latitude, where (1 - eps) R_eq is the polar radius.
     """
@@ -59,7 +59,7 @@ def altitude(r: Vector, environment: Record) -> float:
 
 @kernel
 def altitude_gradient(r: Vector, environment: Record) -> Vector:
-    """Gradient of :func:`altitude` with respect to position, no unit."""
+    """Compute the gradient of :func:`altitude` by position, no unit."""
     square = dot(r, r)
     up = scale(1.0 / math.sqrt(square), r)
     if environment.altitude_model == ALTITUDE_SPHERICAL:
@@ -77,11 +77,11 @@ def altitude_gradient(r: Vector, environment: Record) -> Vector:
 
 @kernel
 def log_density(h: float, atmosphere: NDArray[np.float64]) -> tuple[float, float]:
-    """Natural logarithm of density in kg/m3, and its derivative with altitude in 1/m.
+    """Compute the logarithm of density in kg/m3, and its derivative by altitude, 1/m.
 
     Args:
-        h: altitude, m. Beyond both ends of the table the logarithm goes on linearly.
-        atmosphere: shape (n, 5), see the module text. The density factor is not in it.
+        h: altitude, m. Beyond both ends of the table the logarithm is linear.
+        atmosphere: shape (n, 5), see the module text; without the density factor.
     """
     low = 0
     high = atmosphere.shape[0]
@@ -103,7 +103,7 @@ def log_density(h: float, atmosphere: NDArray[np.float64]) -> tuple[float, float
 
 @kernel
 def density(r: Vector, environment: Record, atmosphere: NDArray[np.float64]) -> float:
-    """Density at a position, kg/m3, the mission's density factor included."""
+    """Compute the density at a position, kg/m3, with the mission's density factor."""
     factor: float = environment.density_factor
     value, _ = log_density(altitude(r, environment), atmosphere)
     return factor * math.exp(value)
@@ -111,7 +111,7 @@ def density(r: Vector, environment: Record, atmosphere: NDArray[np.float64]) -> 
 
 @kernel
 def relative_velocity(r: Vector, v: Vector, environment: Record) -> Vector:
-    """Velocity against the air that turns with the Earth, m/s: V - omega x r, Eq. 2.4."""
+    """Compute the velocity relative to the rotating air, m/s: V - omega x r, Eq. 2.4."""
     rate = environment.rotation_rate
     return (v[0] + rate * r[1], v[1] - rate * r[0], v[2])
 
@@ -120,9 +120,9 @@ def relative_velocity(r: Vector, v: Vector, environment: Record) -> Vector:
 def heating_rate(
     r: Vector, v: Vector, environment: Record, atmosphere: NDArray[np.float64]
 ) -> float:
-    """Free molecular heating 0.5 rho V_rel^3, W/m2: Eqs. 2.2 and 2.3 in SI.
+    """Compute the free molecular heating 0.5 rho V_rel^3, W/m2: Eqs. 2.2 and 2.3 in SI.
 
-    Printed: c q V_rel in BTU/ft2/s with c = 0.00128593, which turns ft lbf into BTU.
+    Eq. 2.2 has c q V_rel in BTU/ft2/s with c = 0.00128593, BTU per ft lbf.
     """
     speed = norm(relative_velocity(r, v, environment))
     return 0.5 * density(r, environment, atmosphere) * speed * speed * speed
@@ -132,7 +132,7 @@ def heating_rate(
 def log_heating_gradient(
     r: Vector, v: Vector, environment: Record, atmosphere: NDArray[np.float64]
 ) -> tuple[float, Vector, Vector]:
-    """Logarithm of :func:`heating_rate` with its gradients.
+    """Compute the logarithm of :func:`heating_rate` and its gradients.
 
     Returns:
         log of the rate in W/m2, gradient by position (1/m), gradient by velocity (s/m).
@@ -161,7 +161,7 @@ def log_heating(
     atmosphere: NDArray[np.float64],
     acceleration: Vector,
 ) -> tuple[float, float]:
-    """Logarithm of :func:`heating_rate` and its rate of change along the motion.
+    """Compute the logarithm of :func:`heating_rate` and its time derivative along the motion.
 
     Args:
         r: position, m.

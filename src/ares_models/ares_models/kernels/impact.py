@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a vehicle would fall if its thrust ended now: the instantaneous impact point.
+"""Instantaneous impact point: the place of impact if the thrust ended now.
 
-A Kepler arc without air, down to where the mission's altitude is zero, on a body that turns below.
-Source: Bate, Mueller, White, *Fundamentals of Astrodynamics* (1971), sections 6.2 and 6.4 (the
-ballistic missile problem, rotation included). Found by Newton's
-method in the eccentric anomaly, held inside the branch that descends, so it always ends.
+A Kepler arc without air, down to altitude zero, on a rotating body. Newton's method in the
+eccentric anomaly, bracketed on the descending branch, so that it always ends. Source: Bate,
+Mueller, White, *Fundamentals of Astrodynamics* (1971), sections 6.2 and 6.4 (the ballistic missile
+problem, rotation included).
 """
 
 import math
@@ -27,15 +27,15 @@ from ares_models.kernels.vectors import (
 )
 
 _MAX_ITERATIONS = 60
-#: rad of the eccentric anomaly; some micrometres on the ground.
+#: Tolerance of the eccentric anomaly, rad; some micrometres on the ground.
 _TOLERANCE = 1e-13
-#: Eccentricity below which an orbit has no perigee to tell.
+#: Eccentricity below which the perigee is undefined.
 _ROUND = 1e-11
 
 
 @kernel
 def fall(r: Vector, v: Vector, environment: Record) -> tuple[float, Vector]:
-    """Time until the ground, and the inertial position there.
+    """Propagate a state without thrust to the ground: time and inertial position.
 
     Args:
         r: position, m.
@@ -43,8 +43,8 @@ def fall(r: Vector, v: Vector, environment: Record) -> tuple[float, Vector]:
         environment: record ENVIRONMENT.
 
     Returns:
-        s and m; nan where it never falls: its perigee lies above the ground, or it escapes.
-        A vehicle that descends and is on the ground already falls in no time.
+        s and m; nan if there is no impact: the perigee is above the ground, or it escapes. For a
+        vehicle that descends and is on or below the ground the time is 0.
     """
     mu = environment.mu
     nowhere = (math.nan, math.nan, math.nan)
@@ -63,7 +63,7 @@ def fall(r: Vector, v: Vector, environment: Record) -> tuple[float, Vector]:
     now = math.atan2(dot(r, v) / math.sqrt(mu * a), 1.0 - radius * alpha)
     if now < 0.0:
         now += 2.0 * math.pi
-    # it descends from the apogee to the perigee
+    # the descending branch lies between apogee and perigee
     low = max(now, math.pi)
     high = 2.0 * math.pi
     if not altitude(scale(1.0 - e, ahead), environment) < 0.0:
@@ -93,7 +93,7 @@ def fall(r: Vector, v: Vector, environment: Record) -> tuple[float, Vector]:
 
 @kernel
 def ground_direction(r: Vector, time: float, environment: Record) -> Vector:
-    """Unit vector from the centre to an inertial position, in axes that turn with the body.
+    """Convert an inertial position to a unit vector from the centre in body-fixed axes.
 
     Args:
         r: position, m.
@@ -107,23 +107,23 @@ def ground_direction(r: Vector, time: float, environment: Record) -> Vector:
 
 @kernel
 def impact_direction(r: Vector, v: Vector, time: float, environment: Record) -> Vector:
-    """The impact point as a unit vector in axes that turn with the body; nan: there is none.
+    """Compute the impact point as a unit vector in body-fixed axes; nan if there is none.
 
-    Args: as :func:`fall`, at mission elapsed time ``time``, s.
+    Args: as in :func:`fall`, at mission elapsed time ``time``, s.
     """
     span, down = fall(r, v, environment)
     return ground_direction(down, time + span, environment)
 
 
 @kernel
-def impact_moves(
+def impact_jacobian(
     r: Vector, v: Vector, time: float, environment: Record
 ) -> tuple[Vector, Vector, Vector]:
-    """How the impact point moves with the velocity: derivative of :func:`impact_direction`.
+    """Differentiate the impact point by the velocity: Jacobian of :func:`impact_direction`.
 
-    Central differences: the impact point is found to more digits than they lose.
+    Central differences: the impact point has more digits than they lose.
 
-    Args: as :func:`impact_direction`.
+    Args: as in :func:`impact_direction`.
 
     Returns:
         its derivatives by the three components of the velocity, rad per m/s.
@@ -147,7 +147,7 @@ def impact_moves(
 
 @kernel
 def _from_edge(place: Vector, one: Vector, other: Vector) -> float:
-    """Angle between a place and an edge, rad: a great circle from one corner to another."""
+    """Return the angle between a place and an edge, rad, the great circle between two corners."""
     normal = unit(cross(one, other))
     if dot(cross(normal, one), place) > 0.0 and dot(cross(other, normal), place) > 0.0:
         return abs(math.asin(min(1.0, max(-1.0, dot(normal, place)))))
@@ -157,10 +157,10 @@ def _from_edge(place: Vector, one: Vector, other: Vector) -> float:
 
 @kernel
 def outside_area(place: Vector, area: Record) -> float:
-    """How far a place is from an area, rad; less than 0: it is inside, so far from its edge.
+    """Return the angular distance of a place from an area's edge, rad; negative inside.
 
     Args:
-        place: unit vector in axes that turn with the body.
+        place: unit vector in body-fixed axes.
         area: record AREA.
     """
     centre = load(area.centre)
@@ -173,7 +173,7 @@ def outside_area(place: Vector, area: Record) -> float:
         one = load(area.vertices[k])
         other = load(area.vertices[k + 1 if k + 1 < area.count else 0])
         nearest = min(nearest, _from_edge(place, one, other))
-        # by how much the edge goes round the place
+        # angle of the edge as seen from the place: their sum is the winding number
         turned += math.atan2(
             dot(place, cross(one, other)),
             dot(one, other) - dot(one, place) * dot(other, place),
@@ -184,15 +184,15 @@ def outside_area(place: Vector, area: Record) -> float:
 
 @kernel
 def outside_areas(place: Vector, environment: Record) -> tuple[float, int]:
-    """How far a place is from the areas of a mission.
+    """Find the nearest area of a mission and the distance of a place from it.
 
     Args:
-        place: as of :func:`outside_area`; nan: nothing falls.
+        place: unit vector in body-fixed axes; nan: no impact.
         environment: record ENVIRONMENT.
 
     Returns:
-        m over the ground from the area that is nearest, less than 0 inside; inf where nothing
-        falls or there is no area. And which area; -1: none.
+        distance over the ground, m, negative inside, inf without an impact or an area; and index
+        of the area, -1 if there is none.
     """
     nearest = math.inf
     index = -1
@@ -200,7 +200,7 @@ def outside_areas(place: Vector, environment: Record) -> tuple[float, int]:
         return nearest, index
     for k in range(environment.area_count):
         area = environment.areas[k]
-        # no nearer than its farthest corner lets it be
+        # lower bound on the distance by the area's enclosing circle
         bound = angle_between(place, load(area.centre)) - area.radius
         if environment.equatorial_radius * bound > nearest:
             continue

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one judge: by how much an end misses its target, how much it may, and what was reached."""
+"""Kernels of the judge: errors against the target, their tolerances, the outcome."""
 
 import math
 
@@ -46,15 +46,15 @@ from ares_models.tolerances import (
     SPEED_M_S,
 )
 
-#: Ends, from the best to the worst; ``ares_models.judge.End`` says what they are.
+#: Outcomes from the best to the worst, see ``ares_models.judge.End``.
 TARGET, LOWERED, SAFE_ORBIT, SUBORBITAL = range(4)
 
-#: Fields of a judged end; a record may carry more beside. Flown minus target, nan where the
-#: target leaves it free; how much it may be off; SI and rad.
+#: Fields of a judgement, part of larger records: errors, flown minus target, nan if free; then
+#: their tolerances; SI and rad.
 JUDGED = [
-    ("judged", np.int64),  # NAMES_* of what the target is met by
-    ("end", np.int64),  # TARGET and so on
-    ("lacking_speed", np.float64),  # m/s that the energy is short of, where the target is lowest
+    ("judged", np.int64),  # NAMES_* of the figures that the target constrains
+    ("end", np.int64),  # TARGET, LOWERED, SAFE_ORBIT or SUBORBITAL
+    ("lacking_speed", np.float64),  # m/s, speed deficit of the energy at the target's lowest point
     ("perigee_radius", np.float64),  # m, flown
     ("apogee_radius", np.float64),  # m, flown; inf: an escape
     ("radius_error", np.float64),
@@ -100,13 +100,13 @@ _KEPLERIAN = (
 
 @kernel
 def half_turn(angle: float) -> float:
-    """Return the same angle within -pi and pi."""
+    """Wrap an angle to -pi..pi, rad."""
     return math.atan2(math.sin(angle), math.cos(angle))
 
 
 @kernel
 def judged_by(target: Record) -> int:
-    """Return the NAMES_* of what a target is met by."""
+    """Return the NAMES_* of the figures that a target constrains."""
     if target.kind == TARGET_ELEMENTS:
         return target.named
     if target.kind == TARGET_KEPLERIAN:
@@ -118,7 +118,7 @@ def judged_by(target: Record) -> int:
 
 @kernel
 def argument_of_perigee(r: Vector, v: Vector, mu: float, node: float) -> float:
-    """Return the argument of perigee, rad, counted from a node at ``node`` rad."""
+    """Return the argument of perigee, rad, from the ascending node at ``node``, rad."""
     eccentric = axpy(dot(v, v) / mu - 1.0 / norm(r), r, scale(-dot(r, v) / mu, v))
     to_node = (math.cos(node), math.sin(node), 0.0)
     normal = unit(cross(r, v))
@@ -127,13 +127,13 @@ def argument_of_perigee(r: Vector, v: Vector, mu: float, node: float) -> float:
 
 @kernel
 def _off(judged: int, name: int, flown: float, wanted: float) -> float:
-    """Return flown minus wanted; nan where it is free."""
+    """Return flown minus wanted; nan if the figure is free."""
     return flown - wanted if judged & name else math.nan
 
 
 @kernel
 def _turned(judged: int, name: int, flown: float, wanted: float) -> float:
-    """Return the same of an angle of a whole turn."""
+    """Return flown minus wanted of an angle, wrapped; nan if the figure is free."""
     return half_turn(flown - wanted) if judged & name else math.nan
 
 
@@ -141,8 +141,8 @@ def _turned(judged: int, name: int, flown: float, wanted: float) -> float:
 def wanted_state(r: Vector, target: Record, mu: float) -> tuple[float, float, float]:
     """Return radius, speed and flight-path angle of a target: m, m/s, rad.
 
-    A Keplerian target leaves the place on the orbit free: it is met at the point of its orbit
-    that is nearest in direction to ``r``.
+    For a Keplerian target, with its free place on the orbit, it is the state at the point of the
+    orbit nearest in direction to ``r``.
     """
     if target.kind != TARGET_KEPLERIAN:
         return target.radius, target.speed, target.flight_path_angle
@@ -154,7 +154,7 @@ def wanted_state(r: Vector, target: Record, mu: float) -> tuple[float, float, fl
 
 @kernel
 def fill_errors(r: Vector, v: Vector, target: Record, mu: float, result: Record) -> None:
-    """Fill the errors of a record with the fields JUDGED, flown minus target.
+    """Write the errors, flown minus target, into a record with the fields JUDGED.
 
     Args:
         r: m.
@@ -189,7 +189,7 @@ def fill_errors(r: Vector, v: Vector, target: Record, mu: float, result: Record)
 
 @kernel
 def _own_eccentricity(target: Record, mu: float) -> float:
-    """Return the eccentricity of a target's orbit; inf where it is free, or is no matter."""
+    """Return the eccentricity of a target's orbit; inf if it is free or undetermined."""
     if target.kind == TARGET_KEPLERIAN:
         return target.eccentricity
     count = 0
@@ -204,10 +204,10 @@ def _own_eccentricity(target: Record, mu: float) -> float:
 
 @kernel
 def fill_allowed(r: Vector, v: Vector, target: Record, mu: float, result: Record) -> None:
-    """Fill how much of each error is allowed to a state.
+    """Write the tolerance of each error of a state.
 
-    Where a perigee points is allowed what turns the plane's angles, and what moves the perigee in
-    the plane. A node means less the flatter its plane.
+    The tolerance of the argument of perigee is that of the node plus that of the perigee within
+    the plane. The tolerance of the node grows as the inclination approaches 0.
 
     Args: as in :func:`fill_errors`.
     """
@@ -231,13 +231,13 @@ def fill_allowed(r: Vector, v: Vector, target: Record, mu: float, result: Record
 
 @kernel
 def _met(judged: int, name: int, error: float, allowed: float) -> bool:
-    """Return whether an error is free, or small enough; what is no number is not."""
+    """Return whether a figure is free or its error within tolerance; nan is not."""
     return judged & name == 0 or abs(error) <= allowed
 
 
 @kernel
 def is_met(result: Record) -> bool:
-    """Return whether all that is judged is within what is allowed."""
+    """Return whether all errors are within their tolerances."""
     by = result.judged
     return (
         _met(by, NAMES_RADIUS, result.radius_error, result.radius_allowed)
@@ -264,7 +264,7 @@ def is_met(result: Record) -> bool:
 
 @kernel
 def is_orbit_met(result: Record) -> bool:
-    """Return the same of size, shape and place alone."""
+    """Return whether the errors of size, shape and place are within their tolerances."""
     by = result.judged
     return (
         _met(by, NAMES_PERIGEE, result.perigee_radius_error, result.perigee_radius_allowed)
@@ -283,7 +283,7 @@ def is_orbit_met(result: Record) -> bool:
 
 @kernel
 def energy_and_radius(target: Record, mu: float) -> tuple[float, float]:
-    """Return the energy of a target, m2/s2, and its lowest radius where speeds are compared, m."""
+    """Return the energy of a target, m2/s2, and its lowest radius, m, for comparing speeds."""
     if target.kind == TARGET_ELEMENTS:
         return 0.5 * target.c3, target.perigee_radius
     if target.kind == TARGET_KEPLERIAN:
@@ -293,14 +293,14 @@ def energy_and_radius(target: Record, mu: float) -> tuple[float, float]:
 
 @kernel
 def _speed_of(energy: float, mu: float, radius: float) -> float:
-    """Return the speed of an energy, m2/s2, at a radius; 0 where it does not come to it."""
+    """Return the speed of an energy, m2/s2, at a radius, m; 0 if the energy does not reach it."""
     square = 2.0 * (energy + mu / radius)
     return 0.0 if square < 0.0 else math.sqrt(square)
 
 
 @kernel
 def lacking_speed(r: Vector, v: Vector, target: Record, mu: float) -> float:
-    """Return the speed that the energy of a state is short of, where the target is lowest, m/s."""
+    """Return the speed deficit of a state's energy at the target's lowest radius, m/s."""
     energy, radius = energy_and_radius(target, mu)
     flown = 0.5 * dot(v, v) - mu / norm(r)
     return _speed_of(energy, mu, radius) - _speed_of(flown, mu, radius)
@@ -308,7 +308,7 @@ def lacking_speed(r: Vector, v: Vector, target: Record, mu: float) -> float:
 
 @kernel
 def is_lowered(target: Record, mu: float, result: Record) -> bool:
-    """Return whether plane, radius and angle are the target's; of an orbit, plane and perigee."""
+    """Return whether plane, radius and angle (of an orbit plane and perigee) are the target's."""
     by = result.judged
     node = math.sin(target.inclination) * result.ascending_node_error
     if result.lacking_speed < -SAME_SPEED_M_S:
@@ -327,7 +327,7 @@ def is_lowered(target: Record, mu: float, result: Record) -> bool:
 
 @kernel
 def safe_radius(target: Record, ground: float) -> float:
-    """Return the least perigee of an orbit that lasts, m: the mission's, or a common one."""
+    """Return the least safe perigee radius, m: the mission's, or the default."""
     return target.safe_radius if target.safe_radius > 0.0 else ground + SAFE_PERIGEE_M
 
 
@@ -349,8 +349,8 @@ def judge_state(
         target: record TARGET.
         mu: m3/s2.
         ground: equatorial radius, m.
-        grounded: whether the flight went below its ground or its floor.
-        result: with the fields JUDGED, changed.
+        grounded: the flight went below the ground or its floor.
+        result: record with the fields JUDGED. Changed.
     """
     fill_errors(r, v, target, mu, result)
     fill_allowed(r, v, target, mu, result)

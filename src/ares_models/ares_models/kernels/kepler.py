@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two-body motion in closed form, in universal variables.
+"""Two-body propagation in universal variables.
 
 Sources: Battin, *An Introduction to the Mathematics and Methods of Astrodynamics*,
 section 4.5 (universal functions U0..U3, Lagrange coefficients); Conway, "An improved
@@ -12,23 +12,23 @@ from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
 
 _MAX_ITERATIONS = 80
-_TOLERANCE = 1.0e-6  # of the anomaly; convergence is cubic: after this step it is exact
-#: Of the anomaly; after so short a step the functions are had by their addition theorems.
+_TOLERANCE = 1.0e-6  # relative step; convergence is cubic: after it the anomaly is exact
+#: Relative step of the anomaly below which addition theorems update the functions.
 _SHORT = 5.0e-3
-_SHORT_Z = 1.0e-4  # alpha step^2, for the series of such a step
-_LAST = 1.0e-9  # of the anomaly; a Newton step that is exact
+_SHORT_Z = 1.0e-4  # bound on alpha step^2 for the series of such a step
+_LAST = 1.0e-9  # relative step of Newton's method after which the anomaly is exact
 
-#: Of the Stumpff functions c2 and c3.
+#: Series coefficients of the Stumpff functions c2 and c3.
 _C2 = tuple((-1.0) ** k / math.factorial(2 * k + 2) for k in range(9))
 _C3 = tuple((-1.0) ** k / math.factorial(2 * k + 3) for k in range(9))
 
-#: U0 (no unit), U1 (m^0.5), U2 (m), U3 (m^1.5).
+#: Universal functions U0 (no unit), U1 (m^0.5), U2 (m), U3 (m^1.5).
 Universal = tuple[float, float, float, float]
 
 
 @kernel
 def _series(c: tuple[float, ...], z: float) -> float:
-    """Sum of c[k] z^k, k to 8; in pairs, which do not wait for one another."""
+    """Sum c[k] z^k for k = 0..8 in independent pairs (Estrin's scheme)."""
     s = z * z
     q = s * s
     low = (c[0] + z * c[1]) + s * (c[2] + z * c[3])
@@ -37,7 +37,7 @@ def _series(c: tuple[float, ...], z: float) -> float:
 
 @kernel
 def universal_functions(anomaly: float, alpha: float) -> Universal:
-    """Universal functions U0..U3 of Battin, Eq. 4.71 onwards.
+    """Compute the universal functions U0..U3 of Battin, Eq. 4.71 onwards.
 
     Args:
         anomaly: universal anomaly chi, m^0.5.
@@ -49,7 +49,7 @@ def universal_functions(anomaly: float, alpha: float) -> Universal:
     square = anomaly * anomaly
     z = alpha * square
     if abs(z) < 1.0:
-        # the parabola lies inside
+        # includes the parabola
         c2 = _series(_C2, z)
         c3 = _series(_C3, z)
         return (1.0 - z * c2, anomaly * (1.0 - z * c3), square * c2, anomaly * square * c3)
@@ -68,7 +68,7 @@ def universal_functions(anomaly: float, alpha: float) -> Universal:
 
 @kernel
 def _further(functions: Universal, step: float, alpha: float) -> Universal:
-    """Universal functions a short step of the anomaly further: their addition theorems."""
+    """Update the universal functions by a short step of the anomaly: addition theorems."""
     u0, u1, u2, u3 = functions
     square = step * step
     z = alpha * square
@@ -85,19 +85,19 @@ def _further(functions: Universal, step: float, alpha: float) -> Universal:
 
 @kernel
 def _radius_and_time(functions: Universal, r0: float, sigma: float) -> tuple[float, float]:
-    """Radius, m, and time times the root of mu, m^1.5: Kepler's equation."""
+    """Compute radius, m, and time times the square root of mu, m^1.5: Kepler's equation."""
     u0, u1, u2, u3 = functions
     return r0 * u0 + sigma * u1 + u2, r0 * u1 + sigma * u2 + u3
 
 
 @kernel
 def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: float) -> float:
-    """Universal anomaly by reversion of the series in time: good for all that guidance asks.
+    """Guess the universal anomaly by reversion of its series in time, for short times.
 
     Args:
-        goal: time times the root of mu, m^1.5.
+        goal: time times the square root of mu, m^1.5.
         r0: radius, m.
-        sigma: r.v over the root of mu, m^0.5.
+        sigma: r.v over the square root of mu, m^0.5.
         alpha: reciprocal of the semi-major axis, 1/m.
         high: upper bound, m^0.5; inf: none.
     """
@@ -116,7 +116,7 @@ def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: floa
         if alpha > 0.0:
             x = alpha * goal
         else:
-            # a cube root bounds the anomaly where the cubic term rules
+            # a cube root bounds the anomaly where the cubic term dominates
             x = min(y, (6.0 * goal) ** (1.0 / 3.0))
         if not 0.0 < x < high:
             x = 0.5 * high
@@ -125,16 +125,15 @@ def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: floa
 
 @kernel
 def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
-    """Position and velocity ``dt`` seconds later (earlier if negative) on the conic.
+    """Propagate position and velocity along the conic by ``dt`` s, backwards if negative.
 
-    Kepler's equation is monotone in the universal anomaly; it is solved by
-    Laguerre-Conway steps held inside a bracket, so that ellipses, parabolas and
-    hyperbolas take the same way and the loop always ends.
+    Kepler's equation is monotone in the universal anomaly; it is solved by Laguerre-Conway steps
+    inside a bracket, so that one loop serves ellipses, parabolas and hyperbolas and always ends.
 
     Args:
         r: position, m.
         v: velocity, m/s.
-        dt: time to go along the conic, s. Whole revolutions are taken off first.
+        dt: time, s. Whole revolutions are removed first.
         mu: gravitational parameter, m3/s2.
 
     Returns:
@@ -151,7 +150,7 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
         nowhere = (math.nan, math.nan, math.nan)
         return nowhere, nowhere
 
-    # motion backwards is motion forwards with the velocity turned round
+    # backward motion is forward motion with reversed velocity
     sign = 1.0 if dt > 0.0 else -1.0
     sigma = sign * dot(r, v) / root_mu
     time = sign * dt
@@ -199,7 +198,7 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     _, u1, u2, u3 = functions
 
     f = 1.0 - u2 * inverse
-    # both forms of g are exact; take the one that does not cancel
+    # both forms of g are exact; use the one without cancellation
     g = (r0 * u1 + sigma * u2) / root_mu if sigma >= 0.0 else time - u3 / root_mu
     along = 1.0 / radius
     f_dot = -root_mu * u1 * along * inverse

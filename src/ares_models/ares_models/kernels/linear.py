@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dense linear equations of a dozen unknowns, without calls into LAPACK."""
+"""Solver of small dense linear systems without LAPACK."""
 
 import math
 
@@ -14,7 +14,7 @@ Index = NDArray[np.int64]
 
 @kernel
 def factor(n: int, a: Array, pivots: Index) -> bool:
-    """LU factors of ``a`` in place, rows exchanged; False if singular."""
+    """Factor ``a`` in place to LU with row exchanges; return False if it is singular."""
     for k in range(n):
         best = k
         for i in range(k + 1, n):
@@ -38,7 +38,7 @@ def factor(n: int, a: Array, pivots: Index) -> bool:
 
 @kernel
 def back_substitute(n: int, a: Array, pivots: Index, b: Array) -> None:
-    """Solve with the factors of :func:`factor`; ``b`` is replaced by the answer."""
+    """Solve with the factors of :func:`factor`; ``b`` is replaced by the solution."""
     for k in range(n):
         i = pivots[k]
         if i != k:

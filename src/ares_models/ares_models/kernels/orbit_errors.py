@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Size, shape and place of an orbit, and how far the errors allowed to a state move them.
+"""Size, shape and place of an orbit, and their tolerances from those of a state.
 
-What may be missed is what those errors come to together: radius, speed and flight-path angle off
-by their tolerance each move an apogee far, a perigee little, and the perigee of a circle to
-anywhere. They move the eccentricity vector smoothly, so all is told through it: the elements
-themselves have a cusp where the orbit is a circle.
+The tolerances of radius, speed and flight-path angle together move an apogee far, a perigee little,
+and the perigee of a circle to any place. They are propagated through the eccentricity vector, which
+is smooth; the elements have a cusp at a circular orbit.
 """
 
 import math
@@ -14,17 +13,17 @@ from ares_models.tolerances import FLIGHT_PATH_ANGLE_DEG, RADIUS_M, SPEED_M_S
 
 #: Perigee radius m, apogee radius m, semi-major axis m, eccentricity, C3 m2/s2, true anomaly rad.
 Figures = tuple[float, float, float, float, float, float]
-#: A move of the eccentricity vector, towards the state and ahead of it, and of the parameter, m.
+#: Eccentricity vector along the radius and ahead of it, and parameter, m; or their changes.
 Move = tuple[float, float, float]
 
 _ANGLE = math.radians(FLIGHT_PATH_ANGLE_DEG)
-#: An orbit is round whose eccentricity is less than so much of what the tolerances come to.
+#: Eccentricity of a round orbit, as a multiple of the change by the tolerances.
 _ROUND = 3.0
 
 
 @kernel
 def shape(radius: float, speed: float, angle: float, mu: float) -> Move:
-    """Return the eccentricity vector, towards a state and ahead of it, and the parameter, m.
+    """Return the eccentricity vector along a state's radius and ahead, and the parameter, m.
 
     Args:
         radius: m.
@@ -40,7 +39,7 @@ def shape(radius: float, speed: float, angle: float, mu: float) -> Move:
 
 @kernel
 def orbit_figures(radius: float, speed: float, angle: float, mu: float) -> Figures:
-    """Return size, shape and place of the orbit of a state; an escape's apogee is inf."""
+    """Return size, shape and place of a state's orbit; the apogee of an escape is inf."""
     towards, ahead, parameter = shape(radius, speed, angle, mu)
     c3 = speed * speed - 2.0 * mu / radius
     e = math.hypot(towards, ahead)
@@ -50,7 +49,7 @@ def orbit_figures(radius: float, speed: float, angle: float, mu: float) -> Figur
 
 @kernel
 def _moves(radius: float, speed: float, angle: float, mu: float) -> tuple[Move, Move, Move]:
-    """Return how far the tolerances of radius, speed and angle move the shape, each by itself."""
+    """Return the changes of the shape by the tolerances of radius, speed and angle, one each."""
     towards, ahead, parameter = shape(radius, speed, angle, mu)
     level = towards + 1.0
     by_radius = RADIUS_M / radius
@@ -65,32 +64,32 @@ def _moves(radius: float, speed: float, angle: float, mu: float) -> tuple[Move, 
 
 @kernel
 def allowed_figures(radius: float, speed: float, angle: float, mu: float, wanted: float) -> Figures:
-    """Return how much the figures of :func:`orbit_figures` may be off.
+    """Return the tolerances of the figures of :func:`orbit_figures`.
 
-    To first order what the tolerances come to. Of an orbit that they make a circle, or nearly,
-    perigee may be anywhere: there each moves perigee and apogee by as much as it ever does.
+    They are the sum of the first-order changes by the tolerances of the state. In a round orbit
+    the perigee may lie anywhere: there each change counts with its largest value over the orbit.
 
     Args:
         radius: m.
         speed: m/s.
         angle: flight-path angle, rad.
         mu: m3/s2.
-        wanted: eccentricity of the target; inf: it has none of its own.
+        wanted: eccentricity of the target; inf: undetermined.
 
     Returns:
-        nan: an apogee of an escape.
+        figures; nan for the apogee of an escape.
     """
     towards, ahead, parameter = shape(radius, speed, angle, mu)
     e = math.hypot(towards, ahead)
     cos, sin = (towards / e, ahead / e) if e > 0.0 else (1.0, 0.0)
     moves = _moves(radius, speed, angle, mu)
-    longer = turned = anyhow = 0.0
+    longer = turned = largest = 0.0
     for move in moves:
         longer += abs(cos * move[0] + sin * move[1])
         turned += abs(cos * move[1] - sin * move[0])
-        anyhow += math.hypot(move[0], move[1])
+        largest += math.hypot(move[0], move[1])
     least = min(e, wanted)
-    is_round = least < _ROUND * anyhow
+    is_round = least < _ROUND * largest
     near = parameter / (1.0 + e)
     far = parameter / (1.0 - e) if e < 1.0 else math.nan
     perigee = apogee = 0.0
@@ -109,7 +108,7 @@ def allowed_figures(radius: float, speed: float, angle: float, mu: float, wanted
         perigee / (1.0 + e),
         apogee / (1.0 - e),
         mu / (energy * energy) * c3,
-        math.hypot(e + longer, turned) - e if not is_round else anyhow,
+        math.hypot(e + longer, turned) - e if not is_round else largest,
         c3,
-        math.atan2(turned, least - longer) if least > anyhow else math.pi,
+        math.atan2(turned, least - longer) if least > largest else math.pi,
     )

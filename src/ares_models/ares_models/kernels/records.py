@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the arrays that Python hands over to the records that kernels work on.
+"""Conversion of the arrays of Python callers to the records of kernels.
 
-A record does not keep its array alive: only who was handed the arrays makes records of them.
+A record does not keep its array alive: convert only in a kernel that Python has called with the
+arrays.
 """
 
 from ares_models.arrays import MissionArrays, MissionRecords
@@ -10,7 +11,7 @@ from ares_models.jit import inlined
 
 @inlined
 def mission_records(mission: MissionArrays) -> MissionRecords:
-    """Records of a mission."""
+    """Return the records of a mission."""
     return MissionRecords(
         mission.environment[0],
         mission.atmosphere,

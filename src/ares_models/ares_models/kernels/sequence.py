@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What burns, what drops and what is left: the rules of a flight's sequence.
+"""Rules of a flight's sequence: burns, drops and remaining masses.
 
-The plant flies by them, guidance plans by them, the optimizer counts by them. Bit j of
-``jettisoned`` is set when jettison j is done. ``sequence`` is a record with the fields of
-``arrays.SEQUENCE``.
+Plant, guidance and optimizer share them. Bit j of ``jettisoned`` is set when jettison j is done.
+``sequence`` is a record with the fields of ``arrays.SEQUENCE``.
 """
 
 import math
@@ -15,15 +14,15 @@ from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
 from ares_models.kernels.thrust_curve import start_knot_after, tail_knot_after, tail_length
 
-#: s; events closer than this fall on the same instant.
+#: Tolerance of simultaneous events, s.
 SAME_TIME = 1e-9
-#: s; a burn as long as its propellant ends by the clock.
+#: Tolerance of simultaneous cut-off by the clock and depletion, s: the clock has priority.
 SAME_BURNOUT = 1e-6
 
 
 @kernel
 def plans_arcs(arcs: NDArray[Any]) -> bool:
-    """Whether guidance decides the end of more than the last arc."""
+    """Return whether arcs before the last are free."""
     free = 0
     for k in range(arcs.shape[0] - 1):
         if math.isinf(arcs[k].duration):
@@ -33,19 +32,19 @@ def plans_arcs(arcs: NDArray[Any]) -> bool:
 
 @kernel
 def aboard(jettisoned: int, j: int) -> bool:
-    """Whether jettison ``j`` is still to come."""
+    """Return whether jettison ``j`` is still aboard."""
     return (jettisoned >> j) & 1 == 0
 
 
 @kernel
 def awaits_heating(jettisons: NDArray[Any], jettisoned: int, j: int) -> bool:
-    """Whether jettison ``j`` is still to come and waits for the heating."""
+    """Return whether jettison ``j`` is aboard and waits for the heating."""
     return jettisons[j].criterion == HEATING_LIMIT and aboard(jettisoned, j)
 
 
 @kernel
 def mass_at_staging(arc: Record, jettisons: NDArray[Any], jettisoned: int) -> float:
-    """Mass with which ``arc`` begins its stage, kg: what should have gone before is carried."""
+    """Return the mass at the start of the stage of ``arc``, kg, with all overdue jettisons."""
     mass = arc.stack_mass
     for j in range(jettisons.shape[0]):
         if aboard(jettisoned, j) and jettisons[j].stage < arc.stage:
@@ -55,7 +54,7 @@ def mass_at_staging(arc: Record, jettisons: NDArray[Any], jettisoned: int) -> fl
 
 @kernel
 def loaded_mass(stage: int, arcs: NDArray[Any], jettisons: NDArray[Any], jettisoned: int) -> float:
-    """Mass of the stack with ``stage`` full and all gone that is, kg."""
+    """Return the mass of the stack with ``stage`` full and the dropped jettisons gone, kg."""
     mass = 0.0
     for k in range(arcs.shape[0]):
         if arcs[k].stage == stage:
@@ -69,13 +68,13 @@ def loaded_mass(stage: int, arcs: NDArray[Any], jettisons: NDArray[Any], jettiso
 
 @kernel
 def empty_mass(arc: Record, arcs: NDArray[Any], jettisons: NDArray[Any], jettisoned: int) -> float:
-    """Mass of the stack when the stage of ``arc`` has burnt its propellant, kg."""
+    """Return the mass of the stack at depletion of the stage of ``arc``, kg."""
     return loaded_mass(arc.stage, arcs, jettisons, jettisoned) - arc.propellant
 
 
 @kernel
 def arc_after_burnout(k: int, arcs: NDArray[Any]) -> int:
-    """Arc that follows when the stage of arc ``k`` is empty; the number of arcs: none does."""
+    """Return the arc after depletion of the stage of arc ``k``; the number of arcs if none."""
     following = k + 1
     while (
         following < arcs.shape[0]
@@ -88,10 +87,10 @@ def arc_after_burnout(k: int, arcs: NDArray[Any]) -> int:
 
 @kernel
 def last_ignition(k: int, arc_start_time: float, arcs: NDArray[Any]) -> tuple[int, float]:
-    """Stage that was lit last when arc ``k`` began at ``arc_start_time``, and when, s.
+    """Find the stage ignited last when arc ``k`` began at ``arc_start_time``, s.
 
     Returns:
-        the stage, one less than that of the arc if it is not lit yet, and the time.
+        the stage, one less than that of the arc if that is not ignited yet, and the time, s.
     """
     stage = arcs[k].stage
     ignited = stage - 1
@@ -112,14 +111,14 @@ def last_ignition(k: int, arc_start_time: float, arcs: NDArray[Any]) -> tuple[in
 def drop_time(
     jettison: Record, ignited: int, ignition_time: float, now: float, heating_time: float
 ) -> float:
-    """When a jettison that is still to come is due, s; inf: not decided.
+    """Return the time of a jettison that is aboard, s; inf if it is not determined.
 
     Args:
         jettison: record JETTISON.
-        ignited: stage that was lit last, and when:
-        ignition_time: s.
-        now: s; when it is overdue.
-        heating_time: s; when the heating allows it, if it waits for that.
+        ignited: stage ignited last.
+        ignition_time: of that stage, s.
+        now: s; returned for an overdue jettison.
+        heating_time: time for a heating jettison, s.
     """
     if ignited < jettison.stage:
         return math.inf
@@ -134,7 +133,7 @@ def drop_time(
 
 @kernel
 def enter_arc(sequence: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]) -> None:
-    """Make arc ``k`` the present one: separation and ignition as it says."""
+    """Begin arc ``k``, with staging and ignition if due."""
     arc = arcs[k]
     sequence.arc = k
     sequence.arc_start_time = sequence.time
@@ -149,7 +148,7 @@ def enter_arc(sequence: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[A
 
 @kernel
 def end_thrust(sequence: Record, arcs: NDArray[Any]) -> None:
-    """Cut-off command to the present arc: its tail-off begins."""
+    """Command the cut-off of the present arc and begin its tail-off."""
     if arcs[sequence.arc].tail_knots > 0:
         sequence.tail_arc = sequence.arc
         sequence.tail_start_time = sequence.time
@@ -157,13 +156,13 @@ def end_thrust(sequence: Record, arcs: NDArray[Any]) -> None:
 
 @kernel
 def tail_end_time(sequence: Record, arcs: NDArray[Any]) -> float:
-    """Time at which the running tail-off is over."""
+    """Return the end of the present tail-off, s."""
     return sequence.tail_start_time + tail_length(arcs[sequence.tail_arc])
 
 
 @kernel
 def next_knot(sequence: Record, arcs: NDArray[Any], limit: float) -> float:
-    """Next knot of a running thrust curve; ``limit`` if there is none before it."""
+    """Return the next knot of the present thrust curves, s, at most ``limit``."""
     now = sequence.time + SAME_TIME
     at = limit
     if sequence.tail_arc >= 0:

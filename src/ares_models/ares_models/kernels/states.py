@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Position and velocity from the angles of a flight, and back (Eqs. 2.14 and 2.18)."""
+"""Conversion between state vectors and angles of a flight (Eqs. 2.14 and 2.18)."""
 
 import math
 
@@ -9,7 +9,7 @@ from ares_models.kernels.vectors import Vector, add, cross, dot, norm, scale
 
 @kernel
 def east_north_up(latitude: float, right_ascension: float) -> tuple[Vector, Vector, Vector]:
-    """Unit vectors east, north and up in the inertial frame.
+    """Return the unit vectors east, north and up in the inertial frame.
 
     Args:
         latitude: geocentric, rad.
@@ -34,9 +34,9 @@ def state_from_angles(
     flight_path_angle: float,
     azimuth: float,
 ) -> tuple[Vector, Vector]:
-    """Inertial position and velocity, Eqs. 2.14 and 2.18.
+    """Compute inertial position and velocity, Eqs. 2.14 and 2.18.
 
-    Printed: the three directions of Eq. 2.18 are not normalised; here they are, so that
+    The directions of Eq. 2.18 are printed without normalisation; here they are unit vectors:
     V = V0 [(north cos(az) + east sin(az)) cos(gamma) + up sin(gamma)].
 
     Args:
@@ -61,7 +61,7 @@ def state_from_angles(
 
 @kernel
 def angles_from_state(r: Vector, v: Vector) -> tuple[float, float, float, float, float, float]:
-    """Radius, latitude, right ascension, speed, flight-path angle and azimuth.
+    """Compute radius, latitude, right ascension, speed, flight-path angle and azimuth.
 
     The inverse of :func:`state_from_angles`; same order and units. Over a pole the
     right ascension is that of atan2(0, 0), zero.
@@ -78,7 +78,7 @@ def angles_from_state(r: Vector, v: Vector) -> tuple[float, float, float, float,
 
 @kernel
 def insertion_quantities(r: Vector, v: Vector) -> tuple[float, float, float, float, float]:
-    """What a target is made of: radius, speed, flight-path angle, inclination, node.
+    """Compute radius, speed, flight-path angle, inclination and ascending node of a state.
 
     Args:
         r: position, m.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An answer of guidance: what it must be to be flown, where it goes out and comes in; copies."""
+"""Steering commands: check of their validity, copies."""
 
 import math
 
@@ -7,17 +7,17 @@ from ares_models.arrays import MAX_ARCS, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import is_finite, load, norm, store
 
-#: How far the length of a direction may be from 1.
+#: Largest deviation of a direction's length from 1.
 UNIT_TOLERANCE = 1e-6
 
 
 @kernel
 def is_sound(steering: Record, jettisons: int) -> bool:
-    """Whether an answer can be flown: finite, a unit vector, a jettison that there is.
+    """Return whether a command can be flown: finite, a unit vector, an existing jettison.
 
     Args:
         steering: record STEERING.
-        jettisons: how many the mission has.
+        jettisons: number of the mission's jettisons.
     """
     direction = load(steering.direction)
     for k in range(MAX_ARCS):
@@ -36,7 +36,7 @@ def is_sound(steering: Record, jettisons: int) -> bool:
 
 @kernel
 def copy_decision(source: Record, destination: Record) -> None:
-    """Copy a record STEERING over another, but for the ends of the free arcs."""
+    """Copy a record STEERING to another, except the ends of the free arcs."""
     destination.reference_time = source.reference_time
     store(destination.direction, load(source.direction))
     store(destination.direction_rate, load(source.direction_rate))
@@ -47,7 +47,7 @@ def copy_decision(source: Record, destination: Record) -> None:
 
 @kernel
 def copy_steering(source: Record, destination: Record) -> None:
-    """Copy a record STEERING over another."""
+    """Copy a record STEERING to another."""
     copy_decision(source, destination)
     for k in range(MAX_ARCS):
         destination.arc_end_times[k] = source.arc_end_times[k]

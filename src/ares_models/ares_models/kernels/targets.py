@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cut-off point must be, given where the prediction puts it."""
+"""Target plane and desired cut-off state for a predicted position."""
 
 import math
 
@@ -26,13 +26,13 @@ POLE = (0.0, 0.0, 1.0)
 
 @kernel
 def names(target: Record, elements: int) -> bool:
-    """Whether a target of kind TARGET_ELEMENTS names all of these NAMES_*."""
+    """Return whether a target of kind TARGET_ELEMENTS constrains all of these NAMES_*."""
     return target.named & elements == elements
 
 
 @kernel
 def plane_is_named(target: Record) -> bool:
-    """Whether inclination and ascending node are given."""
+    """Return whether a target constrains inclination and ascending node."""
     if target.kind == TARGET_ELEMENTS:
         return names(target, NAMES_INCLINATION | NAMES_ASCENDING_NODE)
     return target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
@@ -40,7 +40,7 @@ def plane_is_named(target: Record) -> bool:
 
 @kernel
 def two_planes(target: Record) -> bool:
-    """Whether through a point pass two planes of the target, northbound and southbound."""
+    """Return whether two target planes, north- and southbound, pass through a point."""
     if target.kind == TARGET_ELEMENTS:
         return names(target, NAMES_INCLINATION) and not names(target, NAMES_ASCENDING_NODE)
     return target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION
@@ -48,7 +48,7 @@ def two_planes(target: Record) -> bool:
 
 @kernel
 def size_and_shape(target: Record, mu: float) -> tuple[float, float]:
-    """C3 (m2/s2) and perigee radius (m) of a target that names two of size and shape."""
+    """Return C3 (m2/s2) and perigee radius (m) of a target with two elements of size and shape."""
     apogee = target.apogee_radius
     e = target.eccentricity
     perigee = target.perigee_radius
@@ -70,7 +70,7 @@ def size_and_shape(target: Record, mu: float) -> tuple[float, float]:
 
 @kernel
 def named_plane(target: Record) -> Vector:
-    """Unit normal of the plane of the target's inclination and ascending node."""
+    """Return the unit normal of the plane of the target's inclination and ascending node."""
     si = math.sin(target.inclination)
     return (
         si * math.sin(target.ascending_node),
@@ -81,12 +81,12 @@ def named_plane(target: Record) -> Vector:
 
 @kernel
 def plane_normal(target: Record, r: Vector, h: Vector) -> tuple[Vector, bool]:
-    """Normal of the target plane, along the angular momentum.
+    """Compute the normal of the target plane, along the angular momentum.
 
-    With the node free the plane is the one of exact inclination through ``r``, on the
-    branch (northbound or southbound) of the motion; holding the plane of the present
-    angular momentum instead makes the iteration diverge. With the inclination free it is the
-    plane through ``r`` and the node, with both free that of the motion.
+    With a free node it is the plane of exact inclination through ``r``, on the branch (northbound
+    or southbound) of the motion; with the plane of the present angular momentum instead the
+    iteration would diverge. With a free inclination it is the plane through ``r`` and the node,
+    with both free the plane of the motion.
 
     Args:
         target: record TARGET.
@@ -126,14 +126,14 @@ def plane_normal(target: Record, r: Vector, h: Vector) -> tuple[Vector, bool]:
 
 @kernel
 def _anomaly_from(node: Vector, argument: float, radial: Vector, normal: Vector) -> float:
-    """True anomaly of a direction in a plane, rad, for an argument of perigee from a node."""
+    """Return the true anomaly of a direction, rad, for an argument of perigee from a node."""
     latitude_argument = math.atan2(dot(cross(node, radial), normal), dot(node, radial))
     return latitude_argument - argument
 
 
 @kernel
 def _aimed_anomaly(target: Record, radial: Vector, normal: Vector) -> float:
-    """True anomaly at which a target by elements is aimed at: perigee where nothing is named."""
+    """Return the true anomaly of the aim on a target by elements, rad."""
     if names(target, NAMES_TRUE_ANOMALY) or not names(target, NAMES_ARGUMENT_OF_PERIGEE):
         return target.true_anomaly
     node = unit((-normal[1], normal[0], 0.0))
@@ -146,7 +146,7 @@ def _aimed_anomaly(target: Record, radial: Vector, normal: Vector) -> float:
 def desired_state(
     target: Record, mu: float, radial: Vector, normal: Vector
 ) -> tuple[Vector, Vector, Vector]:
-    """Desired cut-off state on the ray ``radial`` of the target plane.
+    """Compute the desired cut-off state on the ray ``radial`` of the target plane.
 
     Args:
         target: record TARGET.
@@ -167,7 +167,7 @@ def desired_state(
             node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
             anomaly = _anomaly_from(node, target.argument_of_perigee, radial, normal)
             parameter = target.semi_major_axis * (1.0 - e * e)
-        # beyond the asymptote of a hyperbola there is no orbit
+        # bounded, as there is no orbit beyond the asymptote of a hyperbola
         radius = parameter / max(1e-3, 1.0 + e * math.cos(anomaly))
         root = math.sqrt(mu / parameter)
         vertical = root * e * math.sin(anomaly)
@@ -182,17 +182,17 @@ def desired_state(
 
 @kernel
 def leaves_place_free(target: Record) -> bool:
-    """Tell whether a target may be met anywhere on its orbit, not just where its record aims."""
+    """Return whether a target may be met anywhere on its orbit, not only at its aim."""
     named = names(target, NAMES_TRUE_ANOMALY) or names(target, NAMES_ARGUMENT_OF_PERIGEE)
     return target.kind == TARGET_ELEMENTS and not named
 
 
 @kernel
 def aim_at_radius(target: Record, radius: float) -> None:
-    """Aim a target by elements at where its orbit has a radius, m, or at the nearest apsis.
+    """Move the aim on a target by elements to a radius, or to the nearest apsis.
 
     Args:
-        target: record TARGET. Its true anomaly is changed, not which side of perigee it is on.
+        target: record TARGET. Its true anomaly is changed, but keeps its sign.
         radius: m.
     """
     e = target.eccentricity
@@ -205,7 +205,7 @@ def aim_at_radius(target: Record, radius: float) -> None:
 
 @kernel
 def target_speed(target: Record, mu: float, radius: float) -> float:
-    """Speed to reach: the target's own, or that of its energy at ``radius``, m/s."""
+    """Return the target speed, m/s: fixed, or of the orbit's energy at ``radius``, m."""
     if target.kind == TARGET_KEPLERIAN:
         return math.sqrt(max(0.0, mu * (2.0 / radius - 1.0 / target.semi_major_axis)))
     if target.kind == TARGET_ELEMENTS:
@@ -215,13 +215,13 @@ def target_speed(target: Record, mu: float, radius: float) -> float:
 
 @kernel
 def project_to_plane(r: Vector, normal: Vector) -> Vector:
-    """Unit vector of the part of ``r`` that lies in the plane."""
+    """Project ``r`` into a plane and return the unit vector."""
     return unit(sub(r, scale(dot(r, normal), normal)))
 
 
 @kernel
 def perigee_radius(target: Record, mu: float) -> float:
-    """Return the least distance from the centre on the orbit of a target, m."""
+    """Return the perigee radius of a target's orbit, m."""
     if target.kind == TARGET_ELEMENTS:
         return target.perigee_radius
     if target.kind == TARGET_KEPLERIAN:

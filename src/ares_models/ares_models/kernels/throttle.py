@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Burns throttled to a thrust acceleration: T = min(T_full, max(m a_max, least T_full)).
+"""Burns throttled to an acceleration limit: T = min(T_full, max(m a_max, least T_full)).
 
-As the mass falls there are three stretches: full thrust, constant acceleration, under which the
-mass fades as exp(-a t / v_e), and least thrust. An engine is (exhaust velocity m/s, mass flow at
-full thrust kg/s).
+As the mass decreases a burn passes three regimes: full thrust; constant acceleration, with mass
+proportional to exp(-a t / v_e); least thrust. An engine is (exhaust velocity m/s, mass flow at full
+thrust kg/s).
 """
 
 import math
@@ -19,21 +19,21 @@ LEAST = 2
 
 @kernel
 def throttle(arc: Record, mass: float) -> float:
-    """Fraction of full thrust at a mass, kg."""
+    """Return the throttle setting at a mass, kg, as a fraction of full thrust."""
     return min(1.0, max(mass * arc.max_acceleration / arc.thrust, arc.min_throttle))
 
 
 @kernel
-def stretch(arc: Record, engine: tuple[float, float], mass: float) -> tuple[int, float]:
-    """Which stretch a burn is in, and when it ends.
+def throttle_regime(arc: Record, engine: tuple[float, float], mass: float) -> tuple[int, float]:
+    """Return the throttle regime of a burn and the time to its end.
 
     Args:
         arc: record ARC, with the limits.
-        engine: as it burns.
+        engine: as measured.
         mass: now, kg.
 
     Returns:
-        FULL, LIMITED or LEAST, and s to its end; inf: the propellant ends it.
+        FULL, LIMITED or LEAST, and s to its end; inf: it lasts until depletion.
     """
     limit = arc.max_acceleration
     if math.isinf(limit):
@@ -56,11 +56,11 @@ def stretch(arc: Record, engine: tuple[float, float], mass: float) -> tuple[int,
 def mass_after(
     arc: Record, engine: tuple[float, float], kind: int, mass: float, span: float
 ) -> float:
-    """Mass, kg, after ``span`` s of one stretch.
+    """Return the mass, kg, after ``span`` s in one throttle regime.
 
     Args:
-        arc: as of :func:`stretch`; so the next.
-        engine: as it burns.
+        arc: record ARC.
+        engine: as in :func:`throttle_regime`.
         kind: FULL, LIMITED or LEAST.
         mass: before, kg.
         span: s.
@@ -75,11 +75,11 @@ def mass_after(
 
 @kernel
 def time_to_burn(arc: Record, engine: tuple[float, float], mass: float, propellant: float) -> float:
-    """Time in which a burn takes so much propellant, s.
+    """Compute the time in which a burn consumes ``propellant``, s.
 
     Args:
-        arc: as of :func:`stretch`; so the next two.
-        engine: as it burns.
+        arc: record ARC.
+        engine: as in :func:`throttle_regime`.
         mass: now, kg.
         propellant: kg.
     """
@@ -87,7 +87,7 @@ def time_to_burn(arc: Record, engine: tuple[float, float], mass: float, propella
     end = mass - propellant
     t = 0.0
     for _ in range(3):
-        kind, span = stretch(arc, engine, mass)
+        kind, span = throttle_regime(arc, engine, mass)
         after = mass_after(arc, engine, kind, mass, span)
         if not after > end:
             if kind == LIMITED:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thrust-time curve: fraction of full thrust, linear between knots, constant beyond them.
+"""Thrust-time curves: fraction of full thrust, linear between knots, constant beyond them.
 
-Curves are given as ``times`` and ``fractions`` of a record ARC with their number of knots.
-At a jump, two knots at one time, the later value holds.
+A curve is ``times`` and ``fractions`` of a record ARC with the number of knots. At a jump, two
+knots at one time, the later value holds.
 """
 
 import math
@@ -16,7 +16,7 @@ from ares_models.jit import kernel
 
 @kernel
 def curve_value(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Thrust fraction at ``t``, s."""
+    """Return the thrust fraction at ``t``, s."""
     if t < times[0]:
         return fractions[0]
     for i in range(1, knots):
@@ -28,7 +28,7 @@ def curve_value(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: flo
 
 @kernel
 def curve_slope(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Slope of the thrust fraction just after ``t``, 1/s."""
+    """Return the slope of the thrust fraction just after ``t``, 1/s."""
     if t < times[0]:
         return 0.0
     for i in range(1, knots):
@@ -39,7 +39,7 @@ def curve_slope(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: flo
 
 @kernel
 def curve_area(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Integral of the thrust fraction from 0 to ``t``, s."""
+    """Integrate the thrust fraction from 0 to ``t``, s."""
     area = 0.0
     at = 0.0
     level = fractions[0]
@@ -59,7 +59,7 @@ def curve_area(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: floa
 
 @kernel
 def start_value(arc: Record, t: float) -> float:
-    """Thrust fraction of a burn ``t`` seconds after its ignition command."""
+    """Return the thrust fraction of a burn ``t`` s after its ignition command."""
     if arc.start_knots == 0:
         return 1.0
     return curve_value(arc.start_time, arc.start_fraction, arc.start_knots, t)
@@ -67,7 +67,7 @@ def start_value(arc: Record, t: float) -> float:
 
 @kernel
 def flow_value(arc: Record, t: float) -> float:
-    """Fraction of the full mass flow of a burn ``t`` seconds after its ignition command."""
+    """Return the mass flow fraction of a burn ``t`` s after its ignition command."""
     if arc.start_knots == 0:
         return 1.0
     return curve_value(arc.start_time, arc.start_flow, arc.start_knots, t)
@@ -75,7 +75,7 @@ def flow_value(arc: Record, t: float) -> float:
 
 @kernel
 def flow_area(arc: Record, t: float) -> float:
-    """Seconds of full mass flow that a burn has taken ``t`` seconds after its ignition command."""
+    """Integrate the mass flow fraction to ``t`` s after the ignition command, s of full flow."""
     if arc.start_knots == 0:
         return t
     return curve_area(arc.start_time, arc.start_flow, arc.start_knots, t)
@@ -83,25 +83,25 @@ def flow_area(arc: Record, t: float) -> float:
 
 @kernel
 def tail_value(arc: Record, t: float) -> float:
-    """Thrust fraction of a burn ``t`` seconds after its cut-off command."""
+    """Return the thrust fraction of a burn ``t`` s after its cut-off command."""
     return curve_value(arc.tail_time, arc.tail_fraction, arc.tail_knots, t)
 
 
 @kernel
 def start_length(arc: Record) -> float:
-    """Time from the ignition command to the last knot, s."""
+    """Return the length of the start curve from the ignition command, s."""
     return arc.start_time[arc.start_knots - 1] if arc.start_knots > 0 else 0.0
 
 
 @kernel
 def tail_length(arc: Record) -> float:
-    """Time from the cut-off command to the end of all thrust, s."""
+    """Return the length of the tail-off from the cut-off command, s."""
     return arc.tail_time[arc.tail_knots - 1] if arc.tail_knots > 0 else 0.0
 
 
 @kernel
 def start_knot_after(arc: Record, t: float) -> float:
-    """Next knot of the start after ``t``, s from the ignition command; inf: none."""
+    """Return the next knot of the start after ``t``, s from the ignition command, or inf."""
     for i in range(arc.start_knots):
         if t < arc.start_time[i]:
             return arc.start_time[i]
@@ -110,7 +110,7 @@ def start_knot_after(arc: Record, t: float) -> float:
 
 @kernel
 def tail_knot_after(arc: Record, t: float) -> float:
-    """Next knot of the tail-off after ``t``, s from the cut-off command; inf: none."""
+    """Return the next knot of the tail-off after ``t``, s from the cut-off command, or inf."""
     for i in range(arc.tail_knots):
         if t < arc.tail_time[i]:
             return arc.tail_time[i]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arcs of a stage whose engines give less.
+"""Arcs of a stage with weakened engines.
 
-The plant flies them after a failure, guidance plans with them once it has found it.
+The plant uses them after a failure, guidance after its detection.
 """
 
 import math
@@ -16,7 +16,7 @@ from ares_models.kernels.thrust_curve import flow_area
 
 @kernel
 def area_left(arc: Record, into: float) -> float:
-    """Seconds of full mass flow that a burn of fixed length has left ``into`` s after its begin."""
+    """Return the s of full mass flow that a burn of fixed length has left after ``into`` s."""
     return flow_area(arc, arc.duration) - flow_area(arc, into)
 
 
@@ -24,15 +24,15 @@ def area_left(arc: Record, into: float) -> float:
 def weaken_stage(
     arcs: NDArray[Any], k: int, into: float, ratios: tuple[float, float], lasts: bool
 ) -> None:
-    """The engines of a stage give less from now on, in every burn that it has left.
+    """Weaken the engines of a stage in all its remaining burns.
 
     Args:
         arcs: dtype ARC. Changed.
-        k: the present one.
-        into: s since its begin.
-        ratios: thrust and mass flow after over before.
-        lasts: a burn of fixed length goes on until it has burnt what it should have, but for
-            that of a solid motor, which ends with its table.
+        k: index of the present arc.
+        into: time since its start, s.
+        ratios: thrust and mass flow, after over before.
+        lasts: a burn of fixed length lasts until it has burnt its planned propellant; not that
+            of a solid motor, which ends with its table.
     """
     thrust, flow = ratios
     for i in range(k, arcs.shape[0]):

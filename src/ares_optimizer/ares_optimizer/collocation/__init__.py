@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Collocation: one sparse program for every mission that a file can state."""
+"""Solve any mission file as one sparse program, by collocation."""

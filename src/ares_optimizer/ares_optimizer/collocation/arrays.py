@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Structured dtypes of the sparse program.
+"""Define the structured dtypes of the sparse program.
 
-Inside the program lengths are in equatorial radii, times in ``sqrt(R^3/mu)`` and masses in those
-at the start, so that mu is 1. A flight is a chain of states; a phase of smooth thrust covers
-several intervals, and an interval has one state per Radau point.
+Units of the program: length equatorial radius R, time ``sqrt(R^3/mu)``, mass that at the start; mu
+is 1. A flight is a chain of states; a phase of smooth thrust covers several intervals, and an
+interval has one state per Radau point.
 """
 
 import numpy as np
 
-#: What the thrust of a phase points along.
+#: Thrust direction of a phase: none, free at each point, or one for the burn.
 COASTING = 0
 GUIDED = 1
 HELD_ATTITUDE = 2
@@ -16,16 +16,16 @@ HELD_ATTITUDE = 2
 PHASE = np.dtype(
     [
         ("steering", np.int64),  # COASTING, GUIDED or HELD_ATTITUDE
-        ("length", np.int64),  # index of the variable: its length
-        ("mass", np.int64),  # index of the variable: mass at its begin
+        ("length", np.int64),  # column of its length
+        ("mass", np.int64),  # column of the mass at its begin
         ("thrust", np.float64),  # at its begin
         ("thrust_slope", np.float64),
         ("flow", np.float64),  # mass flow at its begin
         ("flow_slope", np.float64),
-        ("fading", np.float64),  # thrust, flow and mass fall by exp(-fading t); 0: they do not
+        ("fading", np.float64),  # thrust, flow and mass fall as exp(-fading t); 0: they do not
         ("acceleration", np.float64),  # of a fading phase
-        ("end", np.int64),  # index of the variable: mass at its end, before drops
-        ("link", np.int64),  # row that ties the two masses
+        ("end", np.int64),  # column of the mass at its end, before drops
+        ("link", np.int64),  # row that relates the two masses
     ],
     align=True,
 )
@@ -36,14 +36,14 @@ POINT = np.dtype(
         ("phase", np.int64),
         ("node", np.int64),  # state at the begin of the interval
         ("number", np.int64),  # in the interval, from 1 on
-        ("width", np.float64),  # of the interval, as a part of its phase
-        ("fraction", np.float64),  # of the phase that is over
-        ("control", np.int64),  # index of the first of three variables; -1: none
+        ("width", np.float64),  # of the interval, as fraction of its phase
+        ("fraction", np.float64),  # time into the phase, as fraction of the phase
+        ("control", np.int64),  # column of the first of three variables; -1: none
     ],
     align=True,
 )
 
-#: What a rule of one state is about.
+#: Kinds of constraints on one state.
 TARGET_RULE = 0
 HEATING_RULE = 1
 FLOOR_RULE = 2
@@ -55,7 +55,7 @@ RULE = np.dtype(
         ("node", np.int64),
         ("row", np.int64),  # first row
         ("rows", np.int64),
-        ("target", np.int64),  # which of the program's, of a TARGET_RULE
+        ("target", np.int64),  # index into the program's targets, of a TARGET_RULE
         ("level", np.float64),  # log of a heating in W/m2, altitude in m, or perigee radius in m
     ],
     align=True,

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Costates, Hamiltonian and prices out of the multipliers of the sparse program.
+"""Compute costates and Hamiltonian from the multipliers of the sparse program.
 
 With defects D x = h f and multipliers L_i of an interval, the costate at Radau point i is L_i
-over its quadrature weight and that at the begin of the interval - sum_i D_i0 L_i (Garg and
-others, Comput. Optim. Appl. 49, 2011). Here it is kg of final mass per unit of the state, and
-the thrust lies along the part of the velocity.
+divided by its quadrature weight, and that at the begin of the interval is - sum_i D_i0 L_i (Garg
+and others, Comput. Optim. Appl. 49, 2011). Units are kg of final mass per unit of the state; the
+thrust is along the velocity costate.
 """
 
 import math
@@ -26,17 +26,17 @@ Array = NDArray[np.float64]
 
 
 class Adjoint(NamedTuple):
-    """Costates along a flight.
+    """Hold costates along a flight.
 
     Attributes:
-        phase: shape (n,), of each sample.
-        time: s, shape (n,). Each phase has its begin and its end.
+        phase: shape (n,), phase of each sample.
+        time: s, shape (n,), with both ends of each phase.
         state: shape (n, 6), m and m/s.
         by_position: kg/m, shape (n, 3).
         by_velocity: kg s/m, shape (n, 3).
         direction: of the thrust, shape (n, 3); nan in a coast.
-        hamiltonian: kg/s, shape (n,), without the part of the mass.
-        whole: kg/s, shape (n,), with it, but for a constant of each stage.
+        hamiltonian: kg/s, shape (n,), without the mass costate term.
+        whole: kg/s, shape (n,), with it, up to a constant in each stage.
     """
 
     phase: NDArray[np.int64]
@@ -50,7 +50,7 @@ class Adjoint(NamedTuple):
 
 
 class _Terms(NamedTuple):
-    """What the thrust adds at one point: m/s2, unit vector, kg/s, and kg/s per kg."""
+    """Hold the thrust at one point: m/s2, unit vector, kg/s, rate of the mass costate."""
 
     acceleration: Array
     direction: Array
@@ -61,7 +61,7 @@ class _Terms(NamedTuple):
 def _terms(
     program: Transcription, p: int, s: float, point: Point, primer: Array, u: Array
 ) -> _Terms:
-    """Thrust of phase ``p`` at the scaled time ``s`` into it, along the primer or held."""
+    """Return the thrust of phase ``p`` at the scaled time ``s``, along the primer or held."""
     phase = program.phases[p]
     if phase["steering"] == COASTING:
         return _Terms(np.zeros(3), u, 0.0, 0.0)
@@ -76,7 +76,7 @@ def _terms(
 
 
 def adjoint_of(program: Transcription, point: Point) -> Adjoint:
-    """Return costates and Hamiltonian at the begin of each phase and at its Radau points."""
+    """Compute costates and Hamiltonian at the begin and the Radau points of each phase."""
     nodes, derivative, integral = radau(program.degree)
     weights = integral[-1]
     d = program.degree
@@ -134,7 +134,7 @@ def adjoint_of(program: Transcription, point: Point) -> Adjoint:
 
 
 def spread_of(program: Transcription, adjoint: Adjoint) -> dict[int, float]:
-    """Return how constant the Hamiltonian is in each phase of constant flow, as a part of it."""
+    """Return the relative spread of the Hamiltonian in each phase of constant flow."""
     size = max(float(np.abs(adjoint.hamiltonian).max()), 1e-300)
     return {
         p: float(np.ptp(adjoint.whole[adjoint.phase == p])) / size
@@ -144,7 +144,7 @@ def spread_of(program: Transcription, adjoint: Adjoint) -> dict[int, float]:
 
 
 def costates_of(program: Transcription, point: Point, adjoint: Adjoint) -> Costates:
-    """Return the costates as a solution has them, |lambda_v| = 1 at the start."""
+    """Scale the costates to |lambda_v| = 1 at the start, for a solution."""
     size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
     pis = []
     for j, jettison in enumerate(program.arrays.jettisons):

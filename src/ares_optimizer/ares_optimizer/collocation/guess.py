@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights to begin a search with: flown by a few steering constants, brought near the target.
+"""Fly trial flights by a few steering constants, as first guesses near the target.
 
-A group is the burns between two free coasts. Each has a pitch and a yaw that are linear in time,
-from the horizon in the first group of an ascent and from the velocity otherwise. Least squares on
-these and on the lengths of the free burns bring the end near the target.
+A group is the burns between two free coasts. Its pitch and yaw are linear in time, relative to the
+horizon in the first group of an ascent and to the velocity otherwise. Least squares on these and on
+the lengths of the free burns bring the end near the target.
 """
 
 import math
@@ -40,7 +40,7 @@ _STEP_S = 8.0
 _MOST_ROWS = 30_000
 #: Steering constants of a group: pitch and yaw at its begin and at its end.
 _CONSTANTS = 4
-#: Pitch and yaw at the begin and the end of an ascent, deg.
+#: Trial pitch and yaw at begin and end of an ascent, deg.
 _ASCENTS = (
     (25.0, 0.0, 0.0, 0.0),
     (40.0, 0.0, -10.0, 0.0),
@@ -48,7 +48,7 @@ _ASCENTS = (
     (60.0, 0.0, -20.0, 0.0),
     (-10.0, 0.0, 10.0, 0.0),
 )
-#: The same of a burn in orbit, from the velocity.
+#: The same of a burn in orbit, relative to the velocity.
 _BURNS = (
     (0.0, 0.0, 0.0, 0.0),
     (80.0, 0.0, -80.0, 0.0),
@@ -56,46 +56,46 @@ _BURNS = (
     (0.0, 80.0, 0.0, -80.0),
     (0.0, -80.0, 0.0, 80.0),
 )
-#: Parts of a revolution that a coast may last, the likeliest first: they cover it.
+#: Trial lengths of a coast, fractions of a revolution, the likeliest first.
 COASTS = (0.12, 0.03, 0.3, 0.5, 0.8, 0.2, 0.65, 0.4, 0.93)
-#: And of those after it, if it may be longer.
+#: Trial lengths beyond a revolution, if the coast may be so long.
 _LATER_COASTS = (1.12, 1.5, 1.8, 1.3)
-#: Part of a revolution, from perigee, to which a coast after the first lasts: the apogee.
+#: End of a coast after the first, as fraction of a revolution from perigee: the apogee.
 _TO_APOGEE = 0.5
-#: And what else it may be.
+#: Another trial length of such a coast, fraction of a revolution.
 _SOON = 0.12
 #: Altitude of a first parking orbit, m.
 _PARKING_M = 185e3
-#: And above the floor of a coast, m.
+#: Least altitude of that orbit above the floor of a coast, m.
 _CLEAR_M = 2e4
-#: Weights of what least squares keep to besides the target: of a radian or of a whole length, and
-#: of a radius below the floor.
+#: Weights of the least squares in addition to the target: change of the constants and lengths, and
+#: depth below the floor in radii.
 _KEEP = 3e-3
 _DEEP = 3.0
 _MOST_ANGLE = 3.0  # rad
-#: Evaluations of the Jacobian, at most.
+#: Most evaluations of the Jacobian.
 _EFFORT = 25
-#: Beyond that miss the coasts of a flight are moved too.
+#: Miss beyond which the lengths of coasts are varied too.
 _FAR = 1e-2
-#: Of several steering constants, so many are gone on with.
+#: Number of steering constants that are kept of several.
 _LIKELY = 2
 _LONGEST_S = 1e5
-#: Of the longest length, a burn as short is not needed.
+#: Length of a burn, relative to the longest, below which it is not needed.
 _NEEDLESS = 0.01
-#: Of the apogee that is aimed at, where a burn ends that leads there.
+#: Fraction of the target's apogee at which a burn towards it ends.
 _APOGEE = 0.98
-#: An apogee is a place of its own where it is so many times as far as the perigee.
+#: Ratio of apogee to perigee from which a coast to apogee is tried.
 _HIGH = 1.05
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A flight to begin with.
+    """Hold a trial flight.
 
     Attributes:
-        times: when what is free happens.
+        times: its free times.
         track: shape (n, TRACK_COLUMNS), of :mod:`rollout`.
-        miss: how far it is from the target and its floors, without unit.
+        miss: norm of the errors against target and floors, without unit.
     """
 
     times: Times
@@ -104,19 +104,19 @@ class Trial:
 
 
 class Pilot:
-    """Flies one mission by steering constants.
+    """Fly one mission by steering constants.
 
     Attributes:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
-        groups: of each arc, its group.
-        count: of groups.
+        groups: group of each arc.
+        count: number of groups.
     """
 
     def __init__(
         self, arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
     ) -> None:
-        """Find the groups.
+        """Group the arcs and choose a first parking orbit.
 
         Args:
             arrays: the mission.
@@ -145,7 +145,7 @@ class Pilot:
         h = np.cross(r, v)
         energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
         e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
-        #: Radius, of its apogee too, and period of a first parking orbit, m and s.
+        #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
         highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
         self.parking_m = float(arrays.environment[0]["equatorial_radius"])
         self.parking_m += max(_PARKING_M, highest + _CLEAR_M)
@@ -159,7 +159,7 @@ class Pilot:
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)
-        self._room = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
+        self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
         self._waiting = [
             j
             for j, jettison in enumerate(arrays.jettisons)
@@ -169,7 +169,7 @@ class Pilot:
     # ---- lengths and times
 
     def longest(self, k: int) -> float:
-        """Longest length of a free arc, s."""
+        """Return the longest length of a free arc, s."""
         arc = self.arrays.arcs[k]
         most = float(arc["longest"])
         if arc["kind"] == BURN:
@@ -177,7 +177,7 @@ class Pilot:
         return most
 
     def begins(self, lengths: Array, last: float) -> Array:
-        """Begin of each arc, and the end of the last, s, shape (arcs + 1,)."""
+        """Return the begin of each arc, and the end of the last, s, shape (arcs + 1,)."""
         arcs = self.arrays.arcs
         times = np.full(len(arcs) + 1, float(self.start["arc_start_time"][0]))
         for k in range(int(self.start["arc"][0]), len(arcs)):
@@ -190,10 +190,10 @@ class Pilot:
         return times
 
     def fly(self, times: Times, constants: Array) -> Array:
-        """Fly by constants, four for each group: pitch and yaw at its begin and at its end, rad.
+        """Fly by four constants per group: pitch and yaw at begin and end, rad.
 
         Returns:
-            track, shape (n, TRACK_COLUMNS), a view; empty where the times make no flight.
+            track, shape (n, TRACK_COLUMNS), a view; empty if the times are not possible.
         """
         begins = self.begins(times.lengths, 0.0)
         begins[-1] = times.cutoff
@@ -211,7 +211,7 @@ class Pilot:
             ]
         ends = begins[1:][self.free] if self.free else np.zeros(1)
         drops = np.concatenate((times.drops, [0.0]))
-        rows = rollout.roll(
+        rows = rollout.fly_track(
             self.start[0],
             self._mission,
             timetable.Times(timetable.HEATING_PASSIVE, drops, ends, times.cutoff),
@@ -219,12 +219,12 @@ class Pilot:
             _STEP_S,
             self._segments,
             self._layout,
-            self._room,
+            self._track,
         )
-        return self._room[:rows]
+        return self._track[:rows]
 
     def with_drops(self, times: Times, track: Array) -> Times:
-        """The times with drops where the heating on a track has fallen to its limit."""
+        """Return the times with drops where the heating on a track first meets its limit."""
         arcs = self.arrays.arcs
         drops = []
         for j in self._waiting:
@@ -240,7 +240,7 @@ class Pilot:
         return times._replace(drops=self._inside(times, np.array(drops)))
 
     def _inside(self, times: Times, drops: Array) -> Array:
-        """Drops a little after an arc's begin, not at it, and before the cut-off."""
+        """Move drops a little off the begins of arcs, and before the cut-off."""
         begins = self.begins(times.lengths, 0.0)[:-1]
         for i, drop in enumerate(drops):
             near = np.abs(begins - drop) < 0.5
@@ -251,10 +251,10 @@ class Pilot:
     # ---- least squares
 
     def miss_of(self, track: Array) -> Array:
-        """How far the end of a track is from the target, and coasts from their floors."""
+        """Return the errors of a track against the target, orbits of coasts, floors and ground."""
         missed = [self._miss(self._mission.target, track[-1])]
         for k, orbit in self._orbits.items():
-            # the last row of a burn is where the coast begins
+            # the coast begins at the last row of the burn before it
             before = np.flatnonzero(track[:, rollout.ARC] < k)
             missed.append(self._miss(orbit[0], track[before[-1] if before.size else 0]))
         radius = float(self.arrays.environment[0]["equatorial_radius"])
@@ -267,7 +267,7 @@ class Pilot:
         return np.concatenate((*missed, deep, [_DEEP * ground]))
 
     def _miss(self, target: Record, row: Array) -> Array:
-        """Return how far a row of a track is from a target, record TARGET."""
+        """Return the errors of a row of a track against a target, record TARGET."""
         c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
         rows = terminal_rows(
             target,
@@ -287,12 +287,12 @@ class Pilot:
         return float(there.min(initial=math.inf))
 
     def aim(self, times: Times, constants: Array, coasts: bool = False) -> tuple[Trial, Array]:
-        """Bring a flight near the target.
+        """Fit constants and lengths by least squares, so that a flight ends near the target.
 
         Args:
-            times: to begin with.
-            constants: to begin with, shape (4 groups,).
-            coasts: move the lengths of coasts too.
+            times: initial times.
+            constants: initial constants, shape (4 groups,).
+            coasts: vary the lengths of coasts too.
 
         Returns:
             the flight, and its constants.
@@ -355,7 +355,7 @@ class Pilot:
 
 
 def target_energy(arrays: MissionArrays) -> float:
-    """Energy of the orbit that is aimed at, m2/s2."""
+    """Return the specific energy of the target orbit, m2/s2."""
     target = arrays.target[0]
     mu = float(arrays.environment[0]["mu"])
     if target["kind"] in (TARGET_ELEMENTS,):
@@ -366,7 +366,7 @@ def target_energy(arrays: MissionArrays) -> float:
 
 
 def _first_crossing(track: Array, above: Array, default: float) -> float:
-    """Return when a rising value passes zero along a track, s; the default where it does not."""
+    """Return the time of the first zero of a rising value, s; the default if none."""
     reached = above >= 0.0
     if not reached.any():
         return default
@@ -381,7 +381,7 @@ def _first_crossing(track: Array, above: Array, default: float) -> float:
 def trials(
     arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
 ) -> Iterator[Trial]:
-    """Fly what a search may begin with, the likeliest first.
+    """Fly first guesses of a search, the likeliest first.
 
     Args:
         arrays: the mission.
@@ -410,7 +410,7 @@ def trials(
         if not coasts:
             yield from (trial for trial, _, _ in found)
         elif found:
-            # a coast is a choice of its own; without one the steering is
+            # with coasts the choice is their length, without them the steering
             trial, constants, _ = found[0]
             if trial.miss > _FAR:
                 again, _ = pilot.aim(trial.times, constants, coasts=True)
@@ -418,12 +418,12 @@ def trials(
             yield trial
 
 
-#: Steering constants to begin with, and the lengths of free arcs that go with them, s.
+#: Initial steering constants, and the known lengths of free arcs, s, by arc.
 _Begin = tuple[Array, dict[int, float]]
 
 
 def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
-    """Yield starts of steering, with lengths of the free coasts as parts of a revolution."""
+    """Yield initial steering, with lengths of the free coasts as fractions of a revolution."""
     if not coasts:
         yield list(_start_constants(pilot)), ()
         return
@@ -435,7 +435,7 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
     yield ascents, (firsts[0], *([_TO_APOGEE] * later))
     apogee = _target_apogee(pilot.arrays)
     if parking is not None and apogee >= _HIGH * pilot.parking_m:
-        # the first burn goes on to the apogee that is aimed at, or escapes
+        # the first burn continues to the apogee of the target, or to escape
         transfer = _ascent_alone(pilot, apogee)
         if transfer is not None:
             yield [transfer], (_TO_APOGEE, *([_TO_APOGEE] * later))
@@ -448,7 +448,7 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
 
 
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
-    """Steering constants to begin with, and the lengths that are known: none."""
+    """Yield initial steering constants, without known lengths."""
     for angles in _ASCENTS if pilot.ascends else _BURNS:
         constants = np.zeros(_CONSTANTS * pilot.count)
         constants[:_CONSTANTS] = np.radians(angles)
@@ -456,11 +456,11 @@ def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
 
 
 def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
-    """The first group flown to a low orbit, where a free burn ends it and another follows.
+    """Fit the first group to a low orbit, if a free burn ends it and a group follows.
 
     Args:
         pilot: of the mission.
-        apogee: radius to which that orbit rises, m; inf: as fast as the target's.
+        apogee: apogee radius of that orbit, m; inf: with the energy of the target.
     """
     arrays, start = pilot.arrays, pilot.start
     arcs = arrays.arcs
@@ -484,7 +484,7 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     best = _aimed(alone, start)
     needless = _NEEDLESS * pilot.longest(last)
     if best is not None and best[0].times.cutoff < needless + _last_begin(alone, start, best[0]):
-        # the burns of fixed length are enough, and are not to be wasted
+        # the burns of fixed length suffice: leave the speed free
         target["kind"] = TARGET_ELEMENTS
         target["named"] = NAMES_RADIUS | NAMES_FLIGHT_PATH_ANGLE | NAMES_INCLINATION
         best = _aimed(alone, start, needless) or best
@@ -499,19 +499,19 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
 
 
 def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: Trial) -> float:
-    """Return when the last arc of a flight begins, s."""
+    """Return the begin of the last arc of a flight, s."""
     return last_begin(arrays, start[0], trial.times.lengths)
 
 
 def _aimed(
     alone: MissionArrays, start: NDArray[np.void], last: float | None = None
 ) -> tuple[Trial, Array] | None:
-    """The flight that misses a mission of one group least, and its constants.
+    """Return the best fit of a mission of one group, and its constants.
 
     Args:
         alone: the mission.
         start: shape (1,), dtype NAVIGATION.
-        last: length of its last burn to begin with, s; None: until the energy is reached.
+        last: initial length of its last burn, s; None: until the energy is reached.
     """
     part = Pilot(alone, start, ())
     best: tuple[Trial, Array] | None = None
@@ -533,7 +533,7 @@ def _aimed(
 def _first_times(
     pilot: Pilot, constants: Array, known: dict[int, float], coasts: dict[int, float]
 ) -> Times | None:
-    """Lengths to begin with: each burn ends where the orbit is what its place asks for."""
+    """Return initial times: each burn ends on the orbit that its place requires."""
     arrays = pilot.arrays
     arcs = arrays.arcs
     mu = float(arrays.environment[0]["mu"])
@@ -574,12 +574,12 @@ def _first_times(
 
 
 def _late(pilot: Pilot, lengths: Array, last: float) -> Array:
-    """Drops just before the cut-off."""
+    """Return drops just before the cut-off, s."""
     return np.full(len(pilot._waiting), float(pilot.begins(lengths, last)[-1]) - 1.0)
 
 
 def _target_apogee(arrays: MissionArrays) -> float:
-    """Apogee radius of the orbit that is aimed at, m; inf: it escapes, or is not named."""
+    """Return the apogee radius of the target, m; inf: escape, or not named."""
     target = arrays.target[0]
     mu = float(arrays.environment[0]["mu"])
     if target["kind"] == TARGET_ELEMENTS:
@@ -589,7 +589,7 @@ def _target_apogee(arrays: MissionArrays) -> float:
 
 
 def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Array) -> Array:
-    """The flight as far as a free arc of some length."""
+    """Fly up to the end of a free arc of given length."""
     last = pilot.free[f]
     arcs = pilot.arrays.arcs[: last + 1].copy()
     burns = np.flatnonzero(arcs["kind"] == BURN)
@@ -612,7 +612,10 @@ def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Ar
 
 
 def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: float) -> float:
-    """Length of a coast that lasts a part of a revolution, from perigee after the first, s."""
+    """Return the length of a coast, s, from a fraction of a revolution.
+
+    On an eccentric orbit _TO_APOGEE means the next apogee.
+    """
     track = _track_to(pilot, lengths, f, 0.0, constants)
     mu = float(pilot.arrays.environment[0]["mu"])
     end = track[-1] if len(track) else None
@@ -632,7 +635,7 @@ def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: flo
 
 
 def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: float) -> float:
-    """Length of a free burn: to a circle in the first group, to the target's apogee later, s."""
+    """Return the length of a free burn, s: to a circular orbit, later to the apogee."""
     k = pilot.free[f]
     most = pilot.longest(k)
     track = _track_to(pilot, lengths, f, most, constants)
@@ -649,17 +652,17 @@ def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: 
         energy = 0.5 * square - mu / distance
         h = np.linalg.norm(np.cross(r, v), axis=1)
         e = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * energy * h * h / mu**2))
-        # the inverse of the apogee goes through zero as the flight escapes
+        # the inverse of the apogee radius stays continuous at escape
         above = 1.0 / (_APOGEE * apogee) + 2.0 * energy / (mu * (1.0 + e))
     begin = float(burning[0, rollout.TIME])
     return _first_crossing(burning, above, begin + 0.7 * most) - begin
 
 
 def guess_of(program: Transcription, trial: Trial) -> Array:
-    """Variables of a program from a flight.
+    """Convert a trial flight to variables of a program.
 
     Args:
-        program: laid out for the flight's times.
+        program: transcribed for the times of the flight.
         trial: the flight.
     """
     x = np.zeros(program.size)
@@ -694,11 +697,11 @@ def guess_of(program: Transcription, trial: Trial) -> Array:
 
 
 def node_times(program: Transcription, lengths: Array | None = None) -> Array:
-    """Mission elapsed time of each state, s, shape (nodes,).
+    """Return the mission elapsed time of each state, s, shape (nodes,).
 
     Args:
-        program: laid out.
-        lengths: of the phases, s; None: as in the trial flight.
+        program: the program.
+        lengths: of the phases, s; None: those of the trial flight.
     """
     pieces = program.segments
     if lengths is None:

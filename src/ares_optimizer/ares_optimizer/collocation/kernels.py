@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values, Jacobian and Hessian of the sparse program.
+"""Compute values, Jacobian and Hessian of the sparse program.
 
-Radau IIA collocation: in an interval of width h the derivative of the polynomial through the
-state at its begin and those at the d points equals the motion at each point,
+Radau IIA collocation: in an interval of width h, the derivative of the polynomial through the
+states at its begin and at its d points equals the motion at each point,
 
     sum_j D_ij x_j = h f(x_i, u_i)          (Garg and others, Automatica 46, 2010).
 
-The motion is r' = v, v' = g(r) + a u, with the thrust acceleration a a closed form of the time
-into the phase and of the mass at its begin, so that the mass is no state.
+The motion is r' = v, v' = g(r) + a u. The thrust acceleration a is a closed form of the time into
+the phase and of the mass at its begin, so the mass is not a state.
 """
 
 import math
@@ -32,13 +32,13 @@ from ares_optimizer.two_point.kernels.gravity import gravity_terms, oblate_curva
 
 Array = NDArray[np.float64]
 
-#: Step of the differences that give the curvature of a rule, in radii and circular speeds.
+#: Difference step for the second derivatives of a constraint, in radii and circular speeds.
 _STEP = 1e-5
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Program(NamedTuple):
-    """The program as kernels take it.
+    """Hold the program for the kernels.
 
     Attributes:
         phases: dtype PHASE.
@@ -47,9 +47,9 @@ class Program(NamedTuple):
         targets: dtype TARGET: the mission's, then the orbits that coasts name.
         derivative: shape (d, d + 1), D.
         controls: shape (n,), index of the first variable of each direction.
-        oblateness: of gravity, with mu and the equatorial radius 1.
-        radius: m, one unit of length.
-        speed: m/s, one unit of speed.
+        oblateness: 1.5 J2, with mu and the equatorial radius 1.
+        radius: unit of length, m.
+        speed: unit of speed, m/s.
     """
 
     phases: NDArray[Any]
@@ -65,19 +65,19 @@ class Program(NamedTuple):
 
 @kernel
 def vector_at(x: Array, i: int) -> Vector:
-    """Three variables from ``i`` on."""
+    """Return three variables from ``i`` on."""
     return (x[i], x[i + 1], x[i + 2])
 
 
 @kernel
 def field_in_units(oblateness: float) -> Gravity:
-    """Gravity with mu = 1."""
+    """Return the gravity field with mu = 1."""
     return Gravity(1.0, 0.0, INVERSE_SQUARE, oblateness)
 
 
 @kernel
 def curvature_times(r: Vector, oblateness: float, p: Vector, a: Vector) -> Vector:
-    """Second derivative of p . g along ``a``: the change of the gradient of gravity, times p."""
+    """Return the change of the gravity gradient along ``a``, times ``p``."""
     square = dot(r, r)
     k = 1.0 / (square * math.sqrt(square))
     rp, ra, pa = dot(r, p), dot(r, a), dot(p, a)
@@ -93,12 +93,12 @@ def curvature_times(r: Vector, oblateness: float, p: Vector, a: Vector) -> Vecto
 def acceleration_terms(
     phase: Record, s: float, mass: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Thrust acceleration, and its derivatives by time and mass at the begin of the phase.
+    """Return the thrust acceleration, and its derivatives by time and initial mass.
 
     Args:
         phase: record PHASE.
         s: time into the phase.
-        mass: at its begin.
+        mass: at the begin of the phase.
 
     Returns:
         a, a_s, a_m, a_ss, a_sm, a_mm.
@@ -117,7 +117,10 @@ def acceleration_terms(
 
 @kernel
 def mass_at_end(phase: Record, length: float, mass: float) -> tuple[float, float, float]:
-    """Mass at the end of a phase before drops, and its derivatives by length and first mass."""
+    """Return the mass at the end of a phase, and its derivatives by length and mass.
+
+    The end is before drops; ``mass`` is that at the begin.
+    """
     if phase.fading > 0.0:
         part = math.exp(-phase.fading * length)
         return mass * part, -phase.fading * mass * part, part
@@ -135,15 +138,15 @@ def rule_rows(
     c: Array,
     gradient: Array,
 ) -> None:
-    """Values of a rule and their gradients by the scaled state.
+    """Write the values of a constraint on one state, and gradients by the scaled state.
 
     Args:
         rule: record RULE.
         targets: dtype TARGET, of the program.
         mission: its records.
-        scales: one unit of length, m, and of speed, m/s.
+        scales: unit of length, m, and of speed, m/s.
         state: position and velocity, scaled.
-        c: shape (MAX_ROWS,), written: 0 is on the target, a limit is kept where it is positive.
+        c: shape (MAX_ROWS,), written: a target is met at 0, a limit at values >= 0.
         gradient: shape (MAX_ROWS, 6), written.
     """
     r, v = scale(scales[0], state[0]), scale(scales[1], state[1])
@@ -163,7 +166,7 @@ def rule_rows(
             gradient[0, 3 + i] = 0.0
         return
     if rule.kind == PERIGEE_RULE:
-        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p vanishes where an apsis is at p
+        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p = 0 for an apsis at p
         p = rule.level
         h = cross(r, v)
         size = norm(r)
@@ -190,7 +193,7 @@ def fill_rows(x: Array, program: Program, g: Array) -> None:
     Args:
         x: shape (n,), variables.
         program: see :class:`Program`.
-        g: shape (m,), written as far as it is not linear or of a rule.
+        g: shape (m,), written except for linear rows and those of :func:`fill_rules`.
     """
     field = field_in_units(program.oblateness)
     d = program.derivative.shape[0]
@@ -226,7 +229,7 @@ def fill_rows(x: Array, program: Program, g: Array) -> None:
 
 @allocating
 def fill_rules(x: Array, program: Program, mission: MissionRecords, g: Array) -> None:
-    """Write the rows of the rules."""
+    """Write the rows of the constraints on single states."""
     c = np.zeros(MAX_ROWS)
     gradient = np.zeros((MAX_ROWS, 6))
     scales = (program.radius, program.speed)
@@ -242,7 +245,7 @@ def fill_rules(x: Array, program: Program, mission: MissionRecords, g: Array) ->
 def fill_point_jacobian(
     x: Array, program: Program, i: int, values: Array, k: int, field: Gravity
 ) -> int:
-    """Write the entries of a point's defects; the next free place."""
+    """Write the entries of the defects of a point; return the next index."""
     point = program.points[i]
     phase = program.phases[point.phase]
     d = program.derivative.shape[0]
@@ -262,12 +265,12 @@ def fill_point_jacobian(
             values[k] = program.derivative[point.number - 1, j]
             k += 1
     for c in range(3):
-        _, bend = gravity_terms(r, field, AXES[c])
+        _, gradient_q = gravity_terms(r, field, AXES[c])
         values[k] = -h
         values[k + 1] = -point.width * v[c]
-        values[k + 2] = -h * bend[0]
-        values[k + 3] = -h * bend[1]
-        values[k + 4] = -h * bend[2]
+        values[k + 2] = -h * gradient_q[0]
+        values[k + 3] = -h * gradient_q[1]
+        values[k + 4] = -h * gradient_q[2]
         values[k + 5] = -point.width * motion[c] - h * by_s * point.fraction * u[c]
         k += 6
         if phase.steering != COASTING:
@@ -279,10 +282,10 @@ def fill_point_jacobian(
 
 @allocating
 def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: Array) -> int:
-    """Write the entries of the Jacobian that are no constants, in the order of the pattern.
+    """Write the varying entries of the Jacobian, in the order of the pattern.
 
     Returns:
-        their number.
+        number of entries.
     """
     field = field_in_units(program.oblateness)
     k = 0
@@ -317,7 +320,7 @@ def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: A
 def fill_point_hessian(
     x: Array, program: Program, i: int, multipliers: Array, values: Array, k: int
 ) -> int:
-    """Write what a point's defects add to the Hessian; the next free place."""
+    """Write the contribution of a point's defects to the Hessian; return next index."""
     point = program.points[i]
     phase = program.phases[point.phase]
     length = x[phase.length]
@@ -327,7 +330,7 @@ def fill_point_hessian(
     at = 6 * (point.node + point.number)
     r = vector_at(x, at)
     p, q = vector_at(multipliers, 6 * i), vector_at(multipliers, 6 * i + 3)
-    _, bend = gravity_terms(r, field_in_units(program.oblateness), q)
+    _, gradient_q = gravity_terms(r, field_in_units(program.oblateness), q)
     for c in range(3):
         change = curvature_times(r, program.oblateness, q, AXES[c])
         for j in range(c + 1):
@@ -335,7 +338,7 @@ def fill_point_hessian(
             k += 1
     for c in range(3):
         values[k] = -w * p[c]
-        values[k + 1] = -w * bend[c]
+        values[k + 1] = -w * gradient_q[c]
         k += 2
     if phase.steering == COASTING:
         return k
@@ -355,7 +358,7 @@ def fill_point_hessian(
 
 @kernel
 def fill_mass_hessian(phase: Record, x: Array, multipliers: Array, values: Array, k: int) -> int:
-    """Write what the row of a phase's masses adds to the Hessian; the next free place."""
+    """Write the contribution of a phase's masses to the Hessian; return next index."""
     weight = -multipliers[phase.link]
     if phase.fading > 0.0:
         part = math.exp(-phase.fading * x[phase.length])
@@ -371,7 +374,7 @@ def fill_mass_hessian(phase: Record, x: Array, multipliers: Array, values: Array
 def fill_hessian(
     x: Array, multipliers: Array, program: Program, mission: MissionRecords, values: Array
 ) -> int:
-    """Write the Hessian of the Lagrangian but for the objective, which is linear.
+    """Write the Hessian of the Lagrangian; the objective is linear.
 
     Args:
         x: shape (n,), variables.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Radau IIA points and the derivative of the polynomials through them."""
+"""Compute Radau IIA points, differentiation and integration matrices."""
 
 from functools import cache
 
@@ -22,7 +22,7 @@ def radau(degree: int) -> tuple[Array, Array, Array]:
         the polynomials that are 1 at one point, shape (d, d + 1); integrals from 0 to each Radau
         point, shape (d, d), of which the last row is the quadrature weights.
     """
-    # the roots of P_d - P_{d-1}, mirrored or not, with 1 among them
+    # roots of P_d - P_{d-1}; 1 is one of them
     roots = (Legendre.basis(degree) - Legendre.basis(degree - 1)).roots()
     points = np.concatenate(([0.0], np.sort((np.real(roots) + 1.0) / 2.0)))
     points[-1] = 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight by a few steering constants: what a search begins with."""
+"""Fly a trial flight by a few steering constants."""
 
 import math
 from typing import Any
@@ -30,8 +30,8 @@ LOG_HEATING = 10
 ALTITUDE = 11
 ARC = 12
 TRACK_COLUMNS = 13
-#: Columns of a steering law: from the velocity (1) or the horizon (0), time s at which its first
-#: angles hold, s from there to where its last ones do, these pitch and yaw angles, rad.
+#: Columns of a steering law: relative to the velocity (1) or the horizon (0), time of its first
+#: angles, s, time from these to its last ones, s, these pitch and yaw angles, rad.
 FROM_VELOCITY = 0
 REFERENCE = 1
 SPAN = 2
@@ -43,8 +43,8 @@ LAW_COLUMNS = 7
 
 
 @kernel
-def steered(law: Array, t: float, r: Vector, v: Vector) -> Vector:
-    """Thrust direction by a steering law."""
+def thrust_direction(law: Array, t: float, r: Vector, v: Vector) -> Vector:
+    """Return the thrust direction of a steering law."""
     part = (t - law[REFERENCE]) / law[SPAN]
     pitch = law[PITCH] + (law[PITCH_END] - law[PITCH]) * part
     yaw = law[YAW] + (law[YAW_END] - law[YAW]) * part
@@ -60,19 +60,19 @@ def steered(law: Array, t: float, r: Vector, v: Vector) -> Vector:
 
 
 @kernel
-def pushed(
+def acceleration(
     segment: Record, law: Array, environment: Record, t: float, r: Vector, v: Vector
 ) -> Vector:
-    """Acceleration by gravity and thrust, m/s2."""
+    """Return the acceleration by gravity and thrust, m/s2."""
     g = gravity(r, environment)
     thrust = segment_thrust(segment, t)
     if thrust <= 0.0:
         return g
-    return axpy(thrust / segment_mass(segment, t), steered(law, t, r, v), g)
+    return axpy(thrust / segment_mass(segment, t), thrust_direction(law, t, r, v), g)
 
 
 @kernel
-def roll(
+def fly_track(
     start: Record,
     mission: MissionRecords,
     times: Times,
@@ -82,20 +82,20 @@ def roll(
     layout: NDArray[Any],
     track: Array,
 ) -> int:
-    """Fly by a steering law per arc, by Runge-Kutta 4.
+    """Fly by a steering law per arc, with Runge-Kutta 4.
 
     Args:
         start: record NAVIGATION.
         mission: its records.
         times: of the timetable.
         laws: shape (arcs, LAW_COLUMNS).
-        step: longest, s.
+        step: longest step, s.
         segments: dtype SEGMENT, shape (MAX_SEGMENTS,), written.
-        layout: dtype LAYOUT, shape (1,), to count in.
+        layout: dtype LAYOUT, shape (1,), written.
         track: shape (n, TRACK_COLUMNS), written.
 
     Returns:
-        rows of the track; 0 where the times make no flight or the track has no room.
+        rows of the track; 0 if the times are not possible or the track is too short.
     """
     count = fill_timetable(start, mission.arcs, mission.jettisons, times, segments, layout[0])
     r, v = load(start.position), load(start.velocity)
@@ -112,7 +112,7 @@ def roll(
                 return 0
             t = segment.start + k * h
             track[rows, TIME] = t
-            u = steered(law, t, r, v)
+            u = thrust_direction(law, t, r, v)
             for c in range(3):
                 track[rows, POSITION + c] = r[c]
                 track[rows, VELOCITY + c] = v[c]
@@ -125,13 +125,13 @@ def roll(
             rows += 1
             if k == steps:
                 break
-            a1 = pushed(segment, law, environment, t, r, v)
+            a1 = acceleration(segment, law, environment, t, r, v)
             v2 = axpy(0.5 * h, a1, v)
-            a2 = pushed(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v, r), v2)
+            a2 = acceleration(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v, r), v2)
             v3 = axpy(0.5 * h, a2, v)
-            a3 = pushed(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v2, r), v3)
+            a3 = acceleration(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v2, r), v3)
             v4 = axpy(h, a3, v)
-            a4 = pushed(segment, law, environment, t + h, axpy(h, v3, r), v4)
+            a4 = acceleration(segment, law, environment, t + h, axpy(h, v3, r), v4)
             r = axpy(h / 6.0, add(add(v, scale(2.0, v2)), add(scale(2.0, v3), v4)), r)
             v = axpy(h / 6.0, add(add(a1, scale(2.0, a2)), add(scale(2.0, a3), a4)), v)
     return rows

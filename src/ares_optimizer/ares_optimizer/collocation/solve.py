@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From mission to solution by collocation: several starts, the best made fine and proven."""
+"""Solve a mission by collocation: several starts, the best refined and proven."""
 
 import math
 import time
@@ -32,11 +32,11 @@ from ares_optimizer.collocation.transcription import Times, Transcription, Turni
 from ares_optimizer.kernels import timetable
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, saving_stage, with_lengths
-from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_offsets
 from ares_optimizer.request import Heating, Request
+from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     NOTHING_SAVED,
     OPTIMAL,
@@ -57,71 +57,71 @@ from ares_optimizer.targets import in_unit, target_rows
 Array = NDArray[np.float64]
 
 METHOD = "collocation"
-#: Note of a solution: how many local optima its starts led to.
-VALLEYS = "collocation_valleys"
-#: Two flights are one where they bring the same mass, as a part of it: a floor is kept at the
-#: states of coarse intervals alone.
+#: Note of a solution: number of local optima that the starts led to.
+LOCAL_OPTIMA = "collocation_valleys"
+#: Relative difference of mass within which two solutions are the same local optimum. On coarse
+#: intervals floors hold at the states only.
 SAME_MASS = 3e-4
-#: Flights whose free arcs differ by more, as a part of their length and in s, are not one.
+#: Difference of the lengths of free arcs, relative and in s, beyond which two solutions differ.
 _SAME_ARCS = 0.02
 _SAME_ARC_S = 1.0
-#: The best is believed when it was met so often, and nothing else was,
+#: The search ends when so many starts led to the best solution. With a free coast it also needs so
+#: many starts, of which no other solution came from any and so few failed.
 _ENOUGH = 3
-#: from so many starts, where coasts are free,
 _LEAST_STARTS = 5
-#: which all led somewhere but for so many.
-_LED_NOWHERE = 1
-#: And called the optimum where it was met so often at least.
-_MET = 2
-#: Miss of a flight that mostly leads nowhere, and takes long.
-_ASTRAY = 0.3
-#: A search may take so many of the starts that there are.
+_FAILED = 1
+#: Least number of starts that led to a solution called optimal.
+_LEAST_MET = 2
+#: Miss of a trial flight beyond which a start mostly fails, slowly.
+_FAR_OFF = 0.3
+#: Most starts of a search.
 _MOST_STARTS = 12
-#: By how much an event is moved to the other side of another, s.
-_ASIDES_S = (1.0, 0.1)
-#: And how often in a row, as long as so much is gained, as a part of the mass.
+#: Time by which an event is moved past another, s.
+_MOVES_S = (1.0, 0.1)
+#: Most such moves in a row, and least relative gain of mass to continue.
 _MOST_MOVES = 3
 _GAINED = 1e-7
-#: Of a stage's mass, what may be propellant at most where a flight is sought that lacks some.
+#: Propellant fraction of the last stage in the search for the shortfall of propellant.
 _MOST_PROPELLANT = 0.97
-#: Iterations from a first guess; what takes more leads nowhere, or comes again.
+#: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
-#: Number of intervals of the finer programs, as factors.
+#: Factors on the number of intervals of the refined programs.
 _FINER = (1.5, 3.0, 5.0)
-#: Greatest part of the Hamiltonian by which it may wander along a phase.
+#: Largest relative spread of the Hamiltonian along a phase.
 SPREAD = 1e-4
-#: What a flight is above its floor at most where it is brought there, m, and half of it at best.
+#: Tolerance of the lowest point of a flight against its floor, m.
 _SAG = 0.5
-#: Below the ground by so much, m, an arc without a floor is asked to keep above it.
+#: Depth below ground at which an arc without a floor gets one, m.
 _DEEP_M = 1.0
-#: And no more than so far below its start, m, where it is asked.
+#: Such a floor is so far below the start of the flight, m.
 _BELOW_START_M = 1e3
-#: Solutions that bring it there, at most.
+#: Most solutions with adjusted floors.
 _MOST_LEVELS = 3
-#: Below a floor by so much, m, between the states of a search, its intervals are too long.
+#: Depth below a floor between the states, m, beyond which the intervals are too long.
 _SAGS = 1e3
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
-#: Distance from a bound at which a variable is held by it.
+#: Distance within which the bound of a variable is active.
 _AT_BOUND = 1e-6
-#: Of the greatest curvature, what counts as none.
+#: Curvature, relative to the greatest, that counts as zero.
 _STRAIGHT = 1e-7
-#: Multiplier of a limit that holds.
-_PRICED = 1e-8
-#: Multipliers of the motion where nothing is to be saved, and the pull on directions there.
+#: Multiplier above which a limit is active.
+_BINDING = 1e-8
+#: Multipliers of the motion below which no propellant can be saved, and the linear cost that
+#: then aligns the directions of thrust.
 _IDLE = 1e-6
-_PULL = 1e-4
-#: Between the ends of a program and of the flight that proves it, m and m/s.
+_ALIGNING = 1e-4
+#: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
-#: Samples of a coast from state to state.
+#: Samples of a coast per state.
 _SAMPLES = 8
-#: Barrier that a solver begins with near a solution.
+#: Initial barrier parameter near a solution.
 _NEAR = 1e-4
 _CORNER = 1e-6
-#: Angle between thrust and primer from which the primer is not steered by, rad.
+#: Angle between thrust and primer beyond which the primer does not steer, rad.
 _ASIDE = 1e-2
-#: Of a phase's thrust, so little that its direction is of no account.
+#: Thrust, relative to the greatest of a phase, at which the direction is not compared.
 _LITTLE = 1e-3
 _SAME_LENGTH = 1e-3  # s
 _NOTHING_KG = 0.1
@@ -129,12 +129,12 @@ _NOTHING_KG = 0.1
 
 @dataclass(frozen=True)
 class Found:
-    """A local optimum.
+    """Hold a local optimum.
 
     Attributes:
-        program: that was solved.
+        program: the program.
         point: its solution.
-        m_f_kg: what is the greatest, see :func:`mass_of`.
+        m_f_kg: the mass that is maximised, see :func:`mass_of`.
     """
 
     program: Transcription
@@ -147,15 +147,15 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
 
     Args:
         request: see :class:`ares_optimizer.request.Request`.
-        beat_kg: what brings no more is not worked out; None: anything is welcome.
+        beat_kg: refine the best solution only if its mass is at least this; None: always.
 
     Raises:
-        UnfitMethod: the heating limit is to hold from the jettison on.
+        UnfitMethod: the heating limit must hold from the jettison on.
 
     Returns:
-        the best of all starts. CONVERGED: first- and second-order conditions are met, the
-        Hamiltonian is constant within :data:`SPREAD`, and the flight is proven by another
-        integrator. FEASIBLE: flown to the target, but one of these fails.
+        the best solution of all starts. CONVERGED: first- and second-order conditions are met,
+        the Hamiltonian is constant within :data:`SPREAD`, and another integrator confirms the
+        flight. FEASIBLE: the flight reaches the target, but one of these fails.
     """
     began = time.perf_counter()
     arrays, start = request.arrays, request.state
@@ -166,9 +166,9 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     floors = floors_of(arrays, start)
     search = _Search(arrays, start, floors, request)
     for trial in islice(trials(arrays, start, floors), _MOST_STARTS):
-        if request.deadline.passed or search.enough:
+        if request.deadline.passed or search.is_conclusive:
             break
-        search.take(trial)
+        search.try_start(trial)
     cause = search.failure()
     if search.best is None and beat_kg is None and not request.deadline.passed:
         cause = _short_of_propellant(search, cause)
@@ -179,11 +179,11 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
             failed(METHOD, cause, iterations=search.iterations, solve_ms=elapsed),
             restarts=max(0, search.starts - 1),
         )
-    return _finished(search, best, began)
+    return _refined_solution(search, best, began)
 
 
 def _dropped_at_ignition(arrays: MissionArrays) -> MissionArrays:
-    """The mission with what waits for heating dropped as its stage ignites."""
+    """Return the mission with heating jettisons at the ignition of their stages."""
     jettisons = arrays.jettisons.copy()
     waiting = jettisons["criterion"] == HEATING_LIMIT
     jettisons["criterion"][waiting] = TIME_AFTER_IGNITION
@@ -192,13 +192,13 @@ def _dropped_at_ignition(arrays: MissionArrays) -> MissionArrays:
 
 
 @dataclass
-class Valley:
-    """A local optimum and how often starts led to it.
+class LocalOptimum:
+    """Hold a local optimum and the number of starts that led to it.
 
     Attributes:
-        found: the best of it.
+        found: its best solution.
         lengths: of its free arcs, s.
-        met: how often.
+        met: number of starts that led to it.
     """
 
     found: Found
@@ -206,7 +206,7 @@ class Valley:
     met: int = 1
 
     def holds(self, found: Found, lengths: Array) -> bool:
-        """Tell if a solution is this one."""
+        """Return true if a solution is this local optimum."""
         near = SAME_MASS * self.found.m_f_kg
         if abs(found.m_f_kg - self.found.m_f_kg) > near:
             return False
@@ -215,14 +215,14 @@ class Valley:
 
 
 class _Search:
-    """All starts of one mission.
+    """Hold all starts of one mission.
 
     Attributes:
-        added: floors that the mission does not ask for, of arcs that went through the ground.
-        valleys: the local optima, the best first.
-        starts: tried.
-        iterations: of all.
-        idle: in the best, no direction of the thrust saves any propellant.
+        added: floors that the mission lacks, of arcs that went below the ground.
+        optima: the local optima, the best first.
+        starts: number of starts tried.
+        iterations: of all starts.
+        idle: true if no thrust direction of the best solution can save propellant.
     """
 
     def __init__(
@@ -235,7 +235,7 @@ class _Search:
         self.arrays, self.start, self.floors = arrays, start, floors
         self.request = request
         self.added: tuple[Floor, ...] = ()
-        self.valleys: list[Valley] = []
+        self.optima: list[LocalOptimum] = []
         self.starts = 0
         self.iterations = 0
         self.idle = False
@@ -246,23 +246,23 @@ class _Search:
 
     @property
     def best(self) -> Found | None:
-        """The local optimum with the greatest mass."""
-        return self.valleys[0].found if self.valleys else None
+        """Return the local optimum with the greatest mass."""
+        return self.optima[0].found if self.optima else None
 
     @property
     def again(self) -> int:
-        """Count the starts that led to as much mass as the best."""
-        if not self.valleys:
+        """Count the starts that led to the mass of the best solution."""
+        if not self.optima:
             return 0
-        least = (1.0 - SAME_MASS) * self.valleys[0].found.m_f_kg
-        return sum(valley.met for valley in self.valleys if valley.found.m_f_kg >= least)
+        least = (1.0 - SAME_MASS) * self.optima[0].found.m_f_kg
+        return sum(optimum.met for optimum in self.optima if optimum.found.m_f_kg >= least)
 
     @property
-    def enough(self) -> bool:
-        """Tell if the best was met often enough to be believed.
+    def is_conclusive(self) -> bool:
+        """Return true if enough starts led to the best solution.
 
-        Where a coast is free there is more than one valley: all starts are tried but where the
-        first, which cover the lengths, lead to one alone.
+        A free coast may have several local optima: all starts are tried, unless the first ones,
+        which cover the lengths, led to a single one.
         """
         if self.again < _ENOUGH:
             return False
@@ -270,33 +270,33 @@ class _Search:
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
         if not coasts:
             return True
-        led = sum(valley.met for valley in self.valleys)
+        led = sum(optimum.met for optimum in self.optima)
         return (
             len(coasts) == 1
             and self.starts >= _LEAST_STARTS
-            and led == self.again >= self.starts - _LED_NOWHERE
+            and led == self.again >= self.starts - _FAILED
         )
 
-    def take(self, trial: Trial) -> None:
-        """Solve from a flight; where something is known, from one that comes near its target."""
-        if self.best is not None and trial.miss > _ASTRAY:
+    def try_start(self, trial: Trial) -> None:
+        """Solve from a trial flight; skip one far from its target if a solution is known."""
+        if self.best is not None and trial.miss > _FAR_OFF:
             return
         self.starts += 1
         found = self._solved(trial)
         if found is not None and (deep := self._underground(found)):
-            # asked for where it is needed: no deeper into the air than the flight began
+            # floor of these arcs: _BELOW_START_M below the start, at most the edge of the air
             level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
             added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
             self.floors += added
             self.added += added
             found = self._solved(trial)
         if found is not None and not self._underground(found):
-            self.consider(found)
+            self.keep(found)
         elif found is not None:
             self._unproven = True
 
     def _underground(self, found: Found) -> list[int]:
-        """Arcs that a flight flies below the ground, of those that nothing keeps above it."""
+        """Return the arcs without a floor that a flight flies below the ground."""
         rows = found.program.floor_rows
         return [
             k
@@ -305,7 +305,7 @@ class _Search:
         ]
 
     def _solved(self, trial: Trial) -> Found | None:
-        """Solve from a flight; None where that leads nowhere."""
+        """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
         try:
             program = Transcription(self.arrays, self.start, trial.times, floors)
@@ -323,35 +323,35 @@ class _Search:
                 self._unproven = True
             return None
         known = Found(program, point, mass_of(program, point))
-        found = known if not self._sags(known) else self._laid_out_again(known, floors)
+        found = known if not self._dips_below_floor(known) else self._retranscribed(known, floors)
         if found is None:
             self._unproven = True
             return None
         for _ in range(_MOST_MOVES):
-            better = self._beyond_corner(found, floors)
+            better = self._reordered(found, floors)
             if better is None:
                 break
             found = better
         return found
 
-    def _sags(self, found: Found) -> bool:
-        """Tell if a coast that has become long dips below a floor between its few states."""
+    def _dips_below_floor(self, found: Found) -> bool:
+        """Return true if a coast dips below a floor between its states."""
         return any(
             lowest_in(found, floor.arc) < floor.altitude_m - _SAGS
             for floor in self.floors
             if found.program.floor_rows.get(floor.arc)
         )
 
-    def _laid_out_again(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
-        """Solve on intervals that suit the lengths of a solution; None where that fails."""
-        again = _again(self, found, floors, 1.0)
-        return again if again is None or not self._sags(again) else None
+    def _retranscribed(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+        """Solve on intervals for the lengths of a solution; return None on failure."""
+        again = _refined(self, found, floors, 1.0)
+        return again if again is None or not self._dips_below_floor(again) else None
 
-    def _beyond_corner(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
-        """Solve with another order of events, where one waits to pass another; None: it is worse.
+    def _reordered(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+        """Solve with two events in the other order; return None where that is no better.
 
-        A fairing may drop in another arc, and a throttle's limit may be met in another burn or in
-        none, than in the flight that a program was laid out by.
+        A fairing may drop in another arc, and the limit of a throttle may be reached in another
+        burn or in none, than in the trial flight.
         """
         for times in moved_events(found):
             try:
@@ -367,23 +367,23 @@ class _Search:
                 return Found(program, point, mass_of(program, point))
         return None
 
-    def consider(self, found: Found) -> None:
-        """Keep a local optimum among those that are known."""
+    def keep(self, found: Found) -> None:
+        """Store a local optimum, or count it with a known one."""
         lengths = times_of(found.program, found.point.x).lengths
-        for valley in self.valleys:
-            if valley.holds(found, lengths):
-                valley.met += 1
-                if found.m_f_kg > valley.found.m_f_kg:
-                    valley.found, valley.lengths = found, lengths
+        for optimum in self.optima:
+            if optimum.holds(found, lengths):
+                optimum.met += 1
+                if found.m_f_kg > optimum.found.m_f_kg:
+                    optimum.found, optimum.lengths = found, lengths
                 break
         else:
-            self.valleys.append(Valley(found, lengths))
-        self.valleys.sort(key=lambda valley: -valley.found.m_f_kg)
+            self.optima.append(LocalOptimum(found, lengths))
+        self.optima.sort(key=lambda optimum: -optimum.found.m_f_kg)
 
     def failure(self) -> Cause:
-        """Say why nothing was found, and no more than is known."""
+        """Return the cause of a search without solution."""
         if self.best is not None:
-            return Cause(Status.NOT_OPTIMAL, "nothing better than what is known was found")
+            return Cause(Status.NOT_OPTIMAL, "no better solution was found")
         if self.request.deadline.passed:
             return OUT_OF_TIME
         if self._violations and not self._unproven:
@@ -402,7 +402,7 @@ class _Search:
 
 
 def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
-    """Return the mission with a last stage that is nearly all propellant, to see what it lacks."""
+    """Return the mission with a last stage that is nearly all propellant."""
     arcs = arrays.arcs.copy()
     last = arcs["stage"] == arcs[-1]["stage"]
     most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
@@ -411,9 +411,10 @@ def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
 
 
 def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
-    """Tell why nothing was found, by a flight whose last stage burns more than it has.
+    """Return the cause of a failed search, with the shortfall of propellant if any.
 
-    One that burns no more is a flight of the mission, and goes to its search.
+    The search is repeated with more propellant in the last stage. A solution that needs no more
+    than the mission has goes to the search of the mission.
     """
     arrays = with_more_propellant(search.arrays)
     arcs = arrays.arcs
@@ -423,9 +424,9 @@ def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
         return cause
     more = _Search(arrays, search.start, search.floors, search.request)
     for trial in trials(more.arrays, search.start, search.floors):
-        if search.request.deadline.passed or more.enough:
+        if search.request.deadline.passed or more.is_conclusive:
             break
-        more.take(trial)
+        more.try_start(trial)
     search.iterations += more.iterations
     if more.best is None:
         return cause
@@ -435,7 +436,7 @@ def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
     burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
     if burnt <= usable:
         search.starts += more.starts
-        search.consider(more.best)
+        search.keep(more.best)
         return cause
     return Cause(
         Status.INFEASIBLE,
@@ -445,7 +446,7 @@ def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
 
 
 def worst_row(program: Transcription, point: Point) -> str:
-    """Return the name of the row that is violated most."""
+    """Return the name of the row with the largest violation."""
     rows = np.zeros(program.row_lower.size)
     program.rows(point.x, rows)
     off = np.maximum(program.row_lower - rows, rows - program.row_upper)
@@ -453,46 +454,46 @@ def worst_row(program: Transcription, point: Point) -> str:
 
 
 def mass_of(program: Transcription, point: Point) -> float:
-    """Return the mass at the end of the last stage that has a burn to shorten, kg."""
+    """Return the mass at the end of the last stage with a free burn, kg."""
     return float(point.x[program.ends[program.saving]] * program.mass)
 
 
 def moved_events(found: Found) -> Iterator[Times]:
-    """Yield the times of a flight with an event beyond another one that it has run into."""
+    """Yield times with an event moved past another that it coincides with."""
     program, x = found.program, found.point.x
     lengths = x[program.lengths] * program.time
-    for aside in _ASIDES_S:
+    for move in _MOVES_S:
         for phases in program.arc_phases.values():
             for p in phases:
                 if len(phases) > 1 and lengths[p] <= _SAME_LENGTH:
-                    times = _beside(program, times_of(program, x), phases, p, aside)
+                    times = _moved_times(program, times_of(program, x), phases, p, move)
                     if times is not None:
                         yield times
 
 
-def _beside(
-    program: Transcription, times: Times, phases: list[int], p: int, aside: float
+def _moved_times(
+    program: Transcription, times: Times, phases: list[int], p: int, move: float
 ) -> Times | None:
-    """The times with what ends or begins a vanished phase of an arc moved out of the arc.
+    """Return the times with the event at a vanished phase moved out of its arc.
 
     Args:
-        program: that was solved.
+        program: the program.
         times: of its solution.
         phases: of the arc.
-        p: the one that has vanished.
-        aside: how far to move, s.
+        p: the vanished phase.
+        move: time by which to move, s.
     """
     drops = times.drops.copy()
     for number, at in program.drop_ends.items():
         if at == p and p == phases[0]:
-            drops[number] -= aside
+            drops[number] -= move
         if at == p - 1 and p == phases[-1]:
-            drops[number] += aside
+            drops[number] += move
     if (drops != times.drops).any():
         return times._replace(drops=drops)
-    # a throttle's limit: the burn ends before it, or the one before ends after it
+    # limit of a throttle: end the burn before it, or the burn before later
     k = int(program.segments[p]["arc"])
-    burn, step = (k, -aside) if p == phases[-1] else (_burn_before(program, k), aside)
+    burn, step = (k, -move) if p == phases[-1] else (_burn_before(program, k), move)
     free = free_arcs(program.arrays, program.start[0])
     if burn == len(program.arrays.arcs) - 1:
         return times._replace(cutoff=times.cutoff + step)
@@ -504,13 +505,13 @@ def _beside(
 
 
 def _burn_before(program: Transcription, k: int) -> int:
-    """The burn before an arc; -1: none."""
+    """Return the burn before an arc; -1: none."""
     burns = [b for b in program.arc_phases if b < k and program.arrays.arcs[b]["kind"] == BURN]
     return max(burns, default=-1)
 
 
 def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[Floor, ...]:
-    """Return the floors that count: on its way up a vehicle may coast below the default one.
+    """Return the active floors: in the ascent a coast may be below the default floor.
 
     Args:
         floors: of the mission.
@@ -531,7 +532,7 @@ def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[
 
 
 def times_of(program: Transcription, x: Array) -> Times:
-    """Return when what is free happens at a point of a program."""
+    """Return the free times at a point of a program."""
     begins = float(program.start["time"][0]) + program.time * np.concatenate(
         ([0.0], np.cumsum(x[program.lengths]))
     )
@@ -554,7 +555,7 @@ def times_of(program: Transcription, x: Array) -> Times:
 
 
 def _at_event(at: float, begins: Array, p: int | None) -> float:
-    """A drop that comes with another event is put there."""
+    """Return the time of a drop, snapped to a coincident event."""
     if p is None:
         return at
     others = np.delete(begins, p + 1)
@@ -563,7 +564,7 @@ def _at_event(at: float, begins: Array, p: int | None) -> float:
 
 
 def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
-    """Return the variables of a finer program from those of a coarser one."""
+    """Interpolate the variables of a finer program from those of a coarser one."""
     lengths = x[old.lengths] * old.time
     out = np.zeros(program.size)
     pieces = program.segments
@@ -602,15 +603,15 @@ def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Proven:
-    """A point of a program with the flight that proves it.
+    """Hold a point of a program with the flight that verifies it.
 
     Attributes:
         found: the point.
         adjoint: its costates.
-        steering: by which it is flown.
-        flight: None where no proof is asked for.
+        steering: the steering of the flight.
+        flight: None if no verification is requested.
         checks: of the flight.
-        exact: the flight ends where the program does.
+        exact: true if the flight ends at the end state of the program.
     """
 
     found: Found
@@ -621,8 +622,8 @@ class _Proven:
     exact: bool
 
 
-def _finished(search: _Search, best: Found, began: float) -> Solution:
-    """The best, on finer and finer intervals until its flight is proven."""
+def _refined_solution(search: _Search, best: Found, began: float) -> Solution:
+    """Refine the best solution until its flight is proven."""
     request = search.request
     search.idle = is_idle(best)
     floors = {floor.arc: floor for floor in search.floors if best.program.floor_rows.get(floor.arc)}
@@ -631,28 +632,30 @@ def _finished(search: _Search, best: Found, began: float) -> Solution:
     found = best
     for finer in _FINER:
         there = tuple(floor._replace(altitude_m=levels[k]) for k, floor in floors.items())
-        found = _again(search, found, there, finer) or found
+        found = _refined(search, found, there, finer) or found
         for _ in range(_MOST_LEVELS):
             if not _moved(found, floors, levels):
                 break
             found = _with_levels(search, found, levels) or found
         adjoint = adjoint_of(found.program, found.point)
-        steady = wanders(found, adjoint) <= SPREAD
+        steady = hamiltonian_spread(found, adjoint) <= SPREAD
         if request.deadline.passed and not steady:
             break
         if not steady and finer < _FINER[-1]:
             continue
-        proven = _flown(search, found, adjoint)
+        proven = _verified(search, found, adjoint)
         if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
             break
     elapsed = 1e3 * (time.perf_counter() - began)
     if proven is None:
-        proven = _flown(search, found, adjoint_of(found.program, found.point))
+        proven = _verified(search, found, adjoint_of(found.program, found.point))
     return _solution(search, proven, tuple(floors.values()), elapsed)
 
 
-def _again(search: _Search, found: Found, floors: tuple[Floor, ...], finer: float) -> Found | None:
-    """Solve on finer intervals from a point; None where that leads nowhere."""
+def _refined(
+    search: _Search, found: Found, floors: tuple[Floor, ...], finer: float
+) -> Found | None:
+    """Solve on finer intervals from a point; return None on failure."""
     times = times_of(found.program, found.point.x)
     try:
         turning = None if search.idle else turning_of(found)
@@ -663,36 +666,41 @@ def _again(search: _Search, found: Found, floors: tuple[Floor, ...], finer: floa
         return None
     guess = finer_guess(program, found.program, found.point.x)
     if search.idle:
-        pull_together(program, guess)
+        align_directions(program, guess)
     known: Found | None = None
     for mu in (_NEAR, None):
         point = solve_program(program, guess, search.request.deadline, mu=mu)
         search.iterations += point.iterations
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
             known = Found(program, point, mass_of(program, point))
-        # from near a solution a barrier may lead far away
+        # the barrier may lead away from the solution nearby
         if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - SAME_MASS):
             break
     return known
 
 
 def is_idle(found: Found) -> bool:
-    """Return whether no direction of the thrust saves any propellant."""
+    """Return true if no direction of the thrust can save propellant."""
     rows = 6 * len(found.program.points)
     return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
 
 
-def pull_together(program: Transcription, x: Array) -> None:
-    """Ask each guided phase for directions that are alike, where nothing else decides."""
+def align_directions(program: Transcription, x: Array) -> None:
+    """Add a linear cost that aligns the directions of each guided phase.
+
+    Used where the mass does not depend on them.
+    """
     for p in range(len(program.phases)):
         if program.steering[p] == GUIDED:
             at = program.control_of[p][:, None] + np.arange(3)
             mean = x[at].mean(axis=0)
-            program.pull[at] = -_PULL * mean / (len(at) * max(float(np.linalg.norm(mean)), 1e-9))
+            program.linear_cost[at] = (
+                -_ALIGNING * mean / (len(at) * max(float(np.linalg.norm(mean)), 1e-9))
+            )
 
 
 def turning_of(found: Found) -> Turning | None:
-    """Return how far the thrust has turned; None without thrust."""
+    """Return the turn of the thrust over time; None without thrust."""
     program, x = found.program, found.point.x
     guided = np.flatnonzero(program.points["control"] >= 0)
     if not guided.size:
@@ -702,13 +710,13 @@ def turning_of(found: Found) -> Turning | None:
     times = times[points["node"] + points["number"]]
     u = x[points["control"][:, None] + np.arange(3)]
     turns = np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1.0, 1.0))
-    # where the thrust dies away its direction is of no account
+    # ignore the direction as the thrust vanishes
     turns[np.diff(times) < _SAME_LENGTH] = 0.0
     return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
 
 
 def _with_levels(search: _Search, found: Found, levels: dict[int, float]) -> Found | None:
-    """Solve once more with other floors; None where that leads nowhere."""
+    """Solve again with other floors; return None on failure."""
     program = found.program
     for arc, level in levels.items():
         program.move_floor(arc, level)
@@ -720,10 +728,10 @@ def _with_levels(search: _Search, found: Found, levels: dict[int, float]) -> Fou
 
 
 def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
-    """Raise or lower what the states keep to, so that the flight between them keeps a floor.
+    """Adjust the levels of the floors at the states, so that the flight between them stays above.
 
     Returns:
-        whether anything had to be moved.
+        true if a level changed.
     """
     moved = False
     for k, floor in floors.items():
@@ -736,11 +744,11 @@ def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> 
     return moved
 
 
-def bends_down(found: Found) -> bool:
-    """Whether mass can be gained to second order: along no direction that keeps the rows.
+def is_saddle(found: Found) -> bool:
+    """Return true if the second-order conditions fail: mass can be gained at fixed rows.
 
-    The least eigenvalue of the Hessian of the Lagrangian on the null space of the rows and bounds
-    that hold (Nocedal and Wright, Numerical Optimization, section 12.5).
+    The test is the sign of the least eigenvalue of the Hessian of the Lagrangian in the null space
+    of the active rows and bounds (Nocedal and Wright, Numerical Optimization, section 12.5).
     """
     program, point = found.program, found.point
     n, m = program.size, program.row_lower.size
@@ -754,26 +762,26 @@ def bends_down(found: Found) -> bool:
     np.add.at(hessian, program.hessian_pattern, entries)
     hessian = np.tril(hessian) + np.tril(hessian, -1).T
     loose = (point.x - program.lower > _AT_BOUND) & (program.upper - point.x > _AT_BOUND)
-    holds = (program.row_lower == program.row_upper) | (np.abs(point.multipliers) > _PRICED)
+    holds = (program.row_lower == program.row_upper) | (np.abs(point.multipliers) > _BINDING)
     held = rows[holds][:, loose].T
     free = qr(held)[0][:, held.shape[1] :]
     if not free.size:
         return False
-    bends = np.linalg.eigvalsh(free.T @ hessian[np.ix_(loose, loose)] @ free)
-    return bool(bends[0] < -_STRAIGHT * max(1.0, abs(float(bends[-1]))))
+    curvatures = np.linalg.eigvalsh(free.T @ hessian[np.ix_(loose, loose)] @ free)
+    return bool(curvatures[0] < -_STRAIGHT * max(1.0, abs(float(curvatures[-1]))))
 
 
-def wanders(found: Found, adjoint: Adjoint) -> float:
-    """Return how far the Hamiltonian wanders in the phases that touch no floor.
+def hamiltonian_spread(found: Found, adjoint: Adjoint) -> float:
+    """Return the relative spread of the Hamiltonian in phases that touch no floor.
 
-    Where a coast touches its floor between two states the multiplier lies on these, and moves the
-    Hamiltonian by what the altitude changes from one to the other.
+    Where a coast touches its floor between two states, the multipliers are at these states, and the
+    Hamiltonian changes with the altitude from one to the other.
     """
     program = found.program
     touched = {
         p
         for arc, rows in program.floor_rows.items()
-        if rows and np.abs(found.point.multipliers[rows]).max() > _PRICED
+        if rows and np.abs(found.point.multipliers[rows]).max() > _BINDING
         for p in program.arc_phases.get(arc, [])
     }
     spreads = spread_of(program, adjoint)
@@ -781,7 +789,7 @@ def wanders(found: Found, adjoint: Adjoint) -> float:
 
 
 def lowest_in(found: Found, arc: int) -> float:
-    """Return the least altitude in an arc, m, between its states too."""
+    """Return the least altitude in an arc, m, also between its states."""
     program, x = found.program, found.point.x
     phases = program.arc_phases.get(arc, [])
     if not phases:
@@ -803,8 +811,8 @@ def lowest_in(found: Found, arc: int) -> float:
     return float(min(altitude(tuple(r), environment) for r in grid))
 
 
-def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
-    """Fly a point of a program by another integrator, if that is asked for."""
+def _verified(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
+    """Fly a point of a program by another integrator, if the request asks to verify."""
     program, point, request = found.program, found.point, search.request
     steering = steering_of(program, point, adjoint)
     if not request.verify:
@@ -827,10 +835,10 @@ def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
 
 
 def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steering:
-    """Return the steering of a point: along the primer, where thrust and primer agree.
+    """Return the steering of a point: along the primer where thrust and primer agree.
 
-    Where nothing is paid for, as where burns of fixed length are too much, there is no primer:
-    the directions themselves are joined.
+    There is no primer where propellant has no price, for example where burns of fixed length give
+    excess energy: the directions are interpolated instead.
     """
     laws: dict[int, Callable[[float], Array]] = {}
     for p, phase in enumerate(program.phases):
@@ -849,7 +857,7 @@ def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steer
             if size.min() > 0.0 and along.min() > math.cos(_ASIDE) and np.ptp(times) > _SAME_LENGTH:
                 laws[p] = CubicHermiteSpline(times, primer, -adjoint.by_position[rows])
                 continue
-        laws[p] = _joined(program, p, times, u)
+        laws[p] = _interpolated(program, p, times, u)
     begins = [float(adjoint.time[np.argmax(adjoint.phase == p)]) for p in laws]
     numbers = list(laws)
 
@@ -867,8 +875,10 @@ def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steer
     return steering
 
 
-def _joined(program: Transcription, p: int, times: Array, u: Array) -> Callable[[float], Array]:
-    """Directions at the Radau points of a phase, joined by a polynomial in each interval."""
+def _interpolated(
+    program: Transcription, p: int, times: Array, u: Array
+) -> Callable[[float], Array]:
+    """Interpolate the directions at the Radau points of a phase, by a polynomial per interval."""
     d = program.degree
     pieces = [
         BarycentricInterpolator(times[1 + k * d : 1 + (k + 1) * d], u[k * d : (k + 1) * d])
@@ -886,7 +896,7 @@ def _joined(program: Transcription, p: int, times: Array, u: Array) -> Callable[
 
 
 def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
-    """Return the time of every jettison, s; nan: it is done already, or does not come."""
+    """Return the time of every jettison, s; nan: done before, or not in this flight."""
     arrays, start = program.arrays, program.start[0]
     ignitions = first_ignitions(start, program.segments, arrays.arcs)
     now = float(start["time"])
@@ -910,7 +920,7 @@ def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
 def _steering_arcs(
     program: Transcription, point: Point, adjoint: Adjoint
 ) -> tuple[SteeringArc, ...]:
-    """A linear-tangent law per phase: the straight line between its first and last direction."""
+    """Return a linear-tangent law per phase: the chord from first to last direction."""
     arcs = []
     lengths = program.time * point.x[program.lengths]
     begins = float(program.start["time"][0]) + np.concatenate(([0.0], np.cumsum(lengths)))
@@ -951,15 +961,15 @@ def _steering_arcs(
 def _solution(
     search: _Search, proven: _Proven, floors: tuple[Floor, ...], elapsed: float
 ) -> Solution:
-    """A point of a program as a solution."""
+    """Convert a point of a program to a solution."""
     program, point, flight = proven.found.program, proven.found.point, proven.flight
     times = times_of(program, point.x)
     planned = with_lengths(search.arrays, search.start[0], times.lengths)
     costates = costates_of(program, point, proven.adjoint)
-    spread = wanders(proven.found, proven.adjoint)
+    spread = hamiltonian_spread(proven.found, proven.adjoint)
     floor_checks = tuple(_floor_check(proven.found, floor) for floor in floors)
     checks = (
-        *_priced(search, proven, proven.checks),
+        *_with_sensitivities(search, proven, proven.checks),
         *floor_checks,
         *_orbit_checks(proven),
         *_length_checks(program, point, times),
@@ -981,7 +991,7 @@ def _solution(
         parameters=_unknowns(program, proven, times),
         restarts=max(0, search.starts - 1),
         by_legs=True,
-        notes={VALLEYS: float(len(search.valleys))},
+        notes={LOCAL_OPTIMA: float(len(search.optima))},
     )
     if flight is None:
         return solution
@@ -1000,7 +1010,7 @@ def _solution(
 
 
 def _unknowns(program: Transcription, proven: _Proven, times: Times) -> Array:
-    """What the two-point problem would have for unknowns, see ``indirect.solver.Root``."""
+    """Return the unknowns of the two-point problem, see ``indirect.solver.Root``."""
     point, adjoint = proven.found.point, proven.adjoint
     arrays, start = program.arrays, program.start[0]
     size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
@@ -1030,7 +1040,7 @@ def _unknowns(program: Transcription, proven: _Proven, times: Times) -> Array:
 
 
 def _sampled(program: Transcription, proven: _Proven, nodes: Array) -> Trajectory:
-    """The states of a program as a trajectory; phases begin and end with a sample."""
+    """Convert the states of a program to a trajectory, with samples at both ends of phases."""
     adjoint = proven.adjoint
     masses = np.interp(adjoint.time, nodes[:, 0], nodes[:, 7])
     thrust = np.zeros(len(adjoint.time))
@@ -1057,7 +1067,10 @@ def _sampled(program: Transcription, proven: _Proven, nodes: Array) -> Trajector
 
 
 def _nodes(program: Transcription, point: Point) -> Array:
-    """States of the program with time and mass, shape (n, 8); masses where phases begin."""
+    """Return the states of the program with time and mass, shape (n, 8).
+
+    Masses are exact at the begins of phases and interpolated between them.
+    """
     times = node_times(program, program.time * point.x[program.lengths])
     states = point.x[: 6 * program.nodes].reshape(-1, 6)
     masses = np.interp(
@@ -1073,7 +1086,7 @@ def _nodes(program: Transcription, point: Point) -> Array:
 def _verdict(
     search: _Search, proven: _Proven, checks: tuple[ConstraintCheck, ...], spread: float
 ) -> Cause:
-    """Optimal, or feasible and why."""
+    """Return OPTIMAL, or the cause why a solution is not proven optimal."""
     broken = next((check for check in checks if not check.satisfied), None)
     if broken is not None:
         return Cause(
@@ -1081,22 +1094,23 @@ def _verdict(
             f"{broken.name} is off its limit of {broken.limit:,.7g} {broken.unit} by "
             f"{broken.value - broken.limit:,.3g} {broken.unit} when flown by another integrator",
         )
-    taken = _taken(proven.found)
-    if not math.isfinite(taken):
+    propellant = _free_propellant(proven.found)
+    if not math.isfinite(propellant):
         return Cause(Status.FEASIBLE, NOTHING_SAVED)
-    # on the coarse intervals that it was found with: the test is one of dense matrices
-    if proven.found.point.regularized and search.best is not None and bends_down(search.best):
+    # on the coarse intervals of the search, as the test uses dense matrices
+    if proven.found.point.regularized and search.best is not None and is_saddle(search.best):
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")
-    if taken < _NOTHING_KG:
-        return Cause(Status.CONVERGED, next_to_nothing(taken))
-    if search.starts > 1 and search.again < _MET:
+    if propellant < _NOTHING_KG:
+        return Cause(Status.CONVERGED, next_to_nothing(propellant))
+    if search.starts > 1 and search.again < _LEAST_MET:
         return Cause(
             Status.FEASIBLE,
             f"only one of {search.starts} starts led here: there may be a better one",
         )
     if spread > SPREAD:
         return Cause(
-            Status.FEASIBLE, f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts"
+            Status.FEASIBLE,
+            f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts",
         )
     touched = [
         floor.arc
@@ -1118,8 +1132,8 @@ def _floor_name(arc: int) -> str:
     return f"lowest altitude in arc {arc}"
 
 
-def _taken(found: Found) -> float:
-    """Propellant that the free burns take of the last stage that has one, kg; inf: none has."""
+def _free_propellant(found: Found) -> float:
+    """Return the propellant of the free burns of the saving stage, kg; inf: it has none."""
     program = found.program
     arcs = program.arrays.arcs
     saving = saving_stage(program.arrays, program.start[0])
@@ -1138,7 +1152,7 @@ def _taken(found: Found) -> float:
 
 
 def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
-    """A floor, and what a metre of it costs."""
+    """Return the check of a floor, with kg of final mass per m."""
     rows = found.program.floor_rows[floor.arc]
     if not math.isfinite(floor.altitude_m):
         return _perigee_check(found, floor)
@@ -1157,7 +1171,7 @@ def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
 
 
 def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
-    """The perigee of the orbit that a coast is flown on, and what a metre of it costs."""
+    """Return the check of the perigee of a coast's orbit, with kg of final mass per m."""
     program, x = found.program, found.point.x
     node = int(program.first[program.arc_phases[floor.arc][0]])
     r = x[6 * node : 6 * node + 3] * program.radius
@@ -1168,7 +1182,7 @@ def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
     e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * h * h / mu**2))
     perigee = h * h / mu / (1.0 + e)
     row = program.floor_rows[floor.arc][-1]
-    # the row is h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p over 2 mu p
+    # row: (h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p) / (2 mu p)
     slope = (2.0 * floor.perigee_m * energy + mu) / (mu * floor.perigee_m)
     return ConstraintCheck(
         Check.LOWEST_ALTITUDE,
@@ -1183,14 +1197,14 @@ def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
 
 
 def _orbit_checks(proven: _Proven) -> Iterator[ConstraintCheck]:
-    """Yield the figures of the orbits that coasts name, and what a unit of each costs."""
+    """Yield checks of the orbits that coasts name, with kg of final mass per unit."""
     program, adjoint = proven.found.program, proven.adjoint
     environment = program.arrays.environment[0]
     mu, ground = float(environment["mu"]), float(environment["equatorial_radius"])
     for orbit, (k, p) in zip(program.targets[1:], program.orbit_phases.items(), strict=True):
         at = int(np.argmax(adjoint.phase == p))
         state = adjoint.state[at]
-        # the costates jump by what the orbit is worth
+        # jump of the costates at the constraint
         jump = np.concatenate(
             [
                 costate[at - 1] - costate[at]
@@ -1199,7 +1213,7 @@ def _orbit_checks(proven: _Proven) -> Iterator[ConstraintCheck]:
         )
         judged = judge(state[:3], state[3:], orbit, mu, ground)
         rows = target_rows(orbit)
-        worth = target_worth(orbit, mu, state, jump)
+        worth = target_sensitivities(orbit, mu, state, jump)
         for row, price in zip(rows, worth, strict=True):
             limit = in_unit(orbit, row)
             error, allowed = judged.error_of(row.key)
@@ -1216,26 +1230,26 @@ def _orbit_checks(proven: _Proven) -> Iterator[ConstraintCheck]:
             )
 
 
-def _priced(
+def _with_sensitivities(
     search: _Search, proven: _Proven, checks: tuple[ConstraintCheck, ...]
 ) -> tuple[ConstraintCheck, ...]:
-    """The checks with what each is worth, kg per unit."""
+    """Return the checks with sensitivities, kg of final mass per unit."""
     arrays = search.arrays
     program, point, adjoint = proven.found.program, proven.found.point, proven.adjoint
     target = arrays.target[0]
     costate = np.concatenate((adjoint.by_position[-1], adjoint.by_velocity[-1]))
     mu = float(arrays.environment[0]["mu"])
-    worth = target_worth(target, mu, adjoint.state[-1], costate)
-    prices: dict[tuple[Check, int | None], float] = {
+    worth = target_sensitivities(target, mu, adjoint.state[-1], costate)
+    sensitivities: dict[tuple[Check, int | None], float] = {
         (row.key, None): -float(value)
         for row, value in zip(target_rows(target), worth, strict=True)
     }
     for j, row in program.heating_rows.items():
-        prices[Check.HEATING_AT_JETTISON, j] = (
+        sensitivities[Check.HEATING_AT_JETTISON, j] = (
             -float(point.multipliers[row]) * program.mass / float(arrays.jettisons[j]["value"])
         )
     return tuple(
-        replace(check, multiplier=prices.get((check.key, check.jettison), check.multiplier))
+        replace(check, multiplier=sensitivities.get((check.key, check.jettison), check.multiplier))
         for check in checks
     )
 
@@ -1243,7 +1257,7 @@ def _priced(
 def _length_checks(
     program: Transcription, point: Point, times: Times
 ) -> tuple[ConstraintCheck, ...]:
-    """The bounds of the free arcs, and what a second of them is worth."""
+    """Return checks on the lengths of the free arcs, with kg of final mass per second."""
     arrays, start = program.arrays, program.start[0]
     low, high = length_bounds(arrays, start)
     checks = []

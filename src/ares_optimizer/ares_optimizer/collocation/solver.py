@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sparse program solved by IPOPT (Waechter and Biegler, Math. Program. 106, 2006)."""
+"""Solve the sparse program by IPOPT (Waechter and Biegler, Math. Program. 106, 2006)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,9 +27,9 @@ _OPTIONS: dict[str, Any] = {
     "fixed_variable_treatment": "make_parameter",
     "bound_relax_factor": 0.0,
 }
-#: Infeasibility of the costates from which a search leads nowhere, and each step takes seconds.
+#: Dual infeasibility beyond which a search fails, with steps that take seconds.
 _DIVERGED = 1e9
-#: Near a solution with its multipliers.
+#: Options of a warm start from a solution with its multipliers.
 _WARM: dict[str, Any] = {
     "warm_start_init_point": "yes",
     "warm_start_bound_push": 1e-7,
@@ -44,16 +44,16 @@ _WARM: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Point:
-    """Where the solver stopped.
+    """Hold the point at which the solver stopped.
 
     Attributes:
         x: shape (n,), variables.
-        status: the solver's own: SOLVED, ACCEPTABLE, LOCALLY_INFEASIBLE or another failure.
+        status: of IPOPT: SOLVED, ACCEPTABLE, LOCALLY_INFEASIBLE or another failure.
         multipliers: shape (m,), of the rows.
         at_lower, at_upper: shape (n,), multipliers of the bounds.
-        violation: greatest violation of a row or bound.
+        violation: largest violation of a row or bound.
         iterations: of the solver.
-        regularized: the Hessian had to be changed in the last iteration: no strict minimum.
+        regularized: the Hessian was regularised in the last iteration: no strict minimum.
     """
 
     x: Array
@@ -67,7 +67,7 @@ class Point:
 
     @property
     def solved(self) -> bool:
-        """Whether the first-order conditions are met."""
+        """Return true if the first-order conditions are met."""
         return self.status in (SOLVED, ACCEPTABLE)
 
 
@@ -81,19 +81,19 @@ def solve_program(
     """Solve a program from a guess.
 
     Args:
-        program: what is solved.
+        program: the program.
         guess: shape (n,), or the solution of a program of the same pattern.
-        deadline: at which the solver stops.
-        mu: barrier to begin with, for a guess that is near; None: the solver's.
-        most: iterations.
+        deadline: time limit.
+        mu: initial barrier parameter, for a guess near a solution; None: that of IPOPT.
+        most: most iterations.
     """
     seen = {"iterations": 0, "regularization": 0.0}
 
     def watch(*iterate: float) -> bool:
-        # as IPOPT hands it over: mode, iteration, objective, both infeasibilities, ...
+        # from IPOPT: mode, iteration, objective, primal and dual infeasibility, ...
         seen["iterations"] = iterate[1]
         seen["regularization"] = iterate[7]
-        deadline.tell(
+        deadline.report(
             Progress(COLLOCATION, int(iterate[1]), iterate[3], -iterate[2] * program.mass)
         )
         return not deadline.passed and iterate[4] < _DIVERGED

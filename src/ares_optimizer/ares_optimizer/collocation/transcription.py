@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mission as a sparse program: what follows what, which variables, which rows.
+"""Transcribe a mission to a sparse program: phases, variables, rows.
 
-The order of events is that of a timetable (``kernels/timetable.py``) for trial times; which
-arc a fairing goes in, and whether a throttle's limit is met, stays as it is there.
+The order of events is that of a timetable (``kernels/timetable.py``) for trial times. The arc in
+which a fairing drops, and the burns that reach the limit of a throttle, are fixed by it.
 """
 
 import math
@@ -40,31 +40,31 @@ from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage
 
 Array = NDArray[np.float64]
 
-INFINITE = 2e19  # what the solver takes for no bound
-#: Intervals of a burn and of a coast: one per so much of a small circle, rad, and at least so many.
+INFINITE = 2e19  # bound that the solver ignores
+#: Angle of an interval in a burn and in a coast, rad of a low circular orbit; bounds of the count.
 _BURN_TURN = 0.12
 _COAST_TURN = 0.25
 _LEAST_BURN = 2
 _MOST_BURN = 40
 _LEAST_COAST = 2
 _MOST_COAST = 400
-#: Turn of the thrust that takes an interval more, rad; intervals of a phase at most, and places
-#: to put them.
+#: Turn of the thrust per additional interval, rad; most intervals of a phase; resolution of their
+#: ends.
 _THRUST_TURN = 0.15
 _MOST_TURNS = 80
 _PLACES = 2001
 _SHORT = 5.0  # s
-#: Mass, as a part of that at the start, that is none.
+#: Negligible mass, and least mass of a state, relative to that at the start.
 _NO_MASS = 1e-9
 _LEAST_MASS = 1e-6
 
 
 class Turning(NamedTuple):
-    """How far the thrust of a flight has turned.
+    """Hold the turn of the thrust direction along a flight.
 
     Attributes:
         time: s, shape (n,), increasing.
-        turned: rad since the first of them, shape (n,).
+        turned: angle turned since the first time, rad, shape (n,).
     """
 
     time: Array
@@ -72,12 +72,12 @@ class Turning(NamedTuple):
 
 
 class Times(NamedTuple):
-    """When what is free happens.
+    """Hold the free times of a flight.
 
     Attributes:
         lengths: of the free arcs before the last, s.
         cutoff: s, mission elapsed time.
-        drops: of the jettisons that wait for heating, in the order of the file, s.
+        drops: of the heating jettisons to come, in the order of the file, s.
     """
 
     lengths: Array
@@ -87,7 +87,7 @@ class Times(NamedTuple):
 
 @dataclass
 class Rows:
-    """Rows that are linear, and the bounds of all."""
+    """Hold the bounds of all rows, and the entries of linear rows."""
 
     lower: list[float] = field(default_factory=list)
     upper: list[float] = field(default_factory=list)
@@ -95,7 +95,7 @@ class Rows:
     linear: list[tuple[int, int, float]] = field(default_factory=list)
 
     def add(self, name: str, lower: float, upper: float) -> int:
-        """Add a row; its index."""
+        """Add a row; return its index."""
         self.lower.append(lower)
         self.upper.append(upper)
         self.names.append(name)
@@ -103,7 +103,7 @@ class Rows:
 
 
 def segments_of(arrays: MissionArrays, start: NDArray[np.void], times: Times) -> NDArray[np.void]:
-    """Return the smooth pieces of a flight, dtype SEGMENT; empty where the times make none."""
+    """Return the segments of a flight, dtype SEGMENT; empty if the times are not possible."""
     segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
     ends = np.zeros(max(1, len(times.lengths)))
     now = float(start["arc_start_time"][0])
@@ -128,7 +128,7 @@ def segments_of(arrays: MissionArrays, start: NDArray[np.void], times: Times) ->
 
 
 def count_rows(target: Record, start: NDArray[np.void]) -> int:
-    """Return how many equations a target, record TARGET, comes to.
+    """Return the number of equations of a target, record TARGET.
 
     Args:
         target: of kind TARGET_*.
@@ -140,18 +140,18 @@ def count_rows(target: Record, start: NDArray[np.void]) -> int:
 
 
 class Transcription:
-    """The program of one mission and one order of events.
+    """Transcribe one mission with one order of events to a program.
 
     Attributes:
         program: for the kernels.
         segments: pieces of the trial flight, one per phase.
-        first: of each phase, index of the state at its begin; and of the last state.
-        breaks: of each phase, where its intervals begin and end, as parts of it.
-        intervals: of each phase.
+        first: index of the state at the begin of each phase, and of the last state.
+        breaks: ends of the intervals of each phase, as fractions of the phase.
+        intervals: number of intervals of each phase.
         names: of the rows.
         lower, upper: bounds of the variables, shape (n,).
         row_lower, row_upper: bounds of the rows, shape (m,).
-        pull: shape (n,), of the objective besides the mass: 0 but where nothing else decides.
+        linear_cost: shape (n,), linear cost in addition to the mass, normally 0.
     """
 
     def __init__(
@@ -164,20 +164,20 @@ class Transcription:
         finer: float = 1.0,
         turning: Turning | None = None,
     ) -> None:
-        """Lay out variables and rows.
+        """Define variables, rows and sparsity patterns.
 
         Args:
             arrays: the mission.
             start: shape (1,), dtype NAVIGATION.
-            times: trial times, which make the order of events.
+            times: trial times, which fix the order of events.
             floors: of the arcs.
             degree: of the polynomials.
             finer: factor on the number of intervals.
-            turning: how far the thrust has turned in a flight like this one: intervals are
-                short where it turns fast. None: they are of one length in a phase.
+            turning: turn of the thrust in a similar flight: intervals are shorter where it is
+                fast. None: intervals are equal in a phase.
 
         Raises:
-            ValueError: the times make no flight.
+            ValueError: the times are not possible.
         """
         self.arrays = arrays
         self.start = start
@@ -186,7 +186,7 @@ class Transcription:
         self.mission = arrays.records()
         self.segments = segments_of(arrays, start, times)
         if not len(self.segments):
-            raise ValueError("the times make no flight")
+            raise ValueError("no flight is possible with these times")
         environment = arrays.environment[0]
         self.radius = float(environment["equatorial_radius"])
         self.speed = math.sqrt(float(environment["mu"]) / self.radius)
@@ -216,20 +216,20 @@ class Transcription:
             self.radius,
             self.speed,
         )
-        self.pull = np.zeros(self.size)
+        self.linear_cost = np.zeros(self.size)
         self._make_patterns()
 
-    # ---- what follows what
+    # ---- phases, intervals, variables
 
     def _lay_out_chain(self, finer: float, turning: Turning | None) -> None:
-        """Place the intervals, and number the states."""
+        """Place the intervals and number the states."""
         self.breaks = [self._breaks(piece, finer, turning) for piece in self.segments]
         self.intervals = np.array([len(breaks) - 1 for breaks in self.breaks])
         self.first = np.concatenate(([0], np.cumsum(self.intervals * self.degree)))
         self.nodes = int(self.first[-1]) + 1
 
     def _breaks(self, piece: Record, finer: float, turning: Turning | None) -> Array:
-        """Where the intervals of a phase begin and end, as parts of it."""
+        """Return the ends of the intervals of a phase, as fractions of the phase."""
         begin, end = float(piece["start"]), float(piece["end"])
         orbit = (end - begin) / self.time
         burning = piece["thrust"] > 0.0 or piece["thrust_slope"] > 0.0
@@ -245,7 +245,7 @@ class Transcription:
         if turning is None or not burning or end - begin < _SHORT:
             return np.linspace(0.0, 1.0, math.ceil(finer * count) + 1)
         turned = np.interp(begin + even * (end - begin), *turning)
-        # as many intervals again as the thrust turns by steps of its own
+        # additional intervals in proportion to the turn of the thrust
         whole = even * count + (turned - turned[0]) / _THRUST_TURN
         count = math.ceil(finer * min(whole[-1], _MOST_TURNS))
         places = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
@@ -253,7 +253,7 @@ class Transcription:
         return places
 
     def _lay_out_variables(self) -> None:
-        """Number the variables: states, directions, lengths, masses."""
+        """Assign the columns of states, directions, lengths and masses."""
         phases = len(self.segments)
         burning = (self.segments["thrust"] > 0.0) | (self.segments["thrust_slope"] > 0.0)
         self.steering = np.where(
@@ -294,13 +294,13 @@ class Transcription:
 
     @property
     def start_state(self) -> Array:
-        """State at the start, scaled, shape (6,)."""
+        """Return the scaled state at the start, shape (6,)."""
         return np.concatenate(
             (self.start["position"][0] / self.radius, self.start["velocity"][0] / self.speed)
         )
 
     def _lay_out_phases(self) -> None:
-        """Write what is known of each phase."""
+        """Fill the records of the phases."""
         force = self.mass * self.speed / self.time
         flow = self.mass / self.time
         phases = np.zeros(len(self.segments), PHASE)
@@ -319,7 +319,7 @@ class Transcription:
         self.phases = phases
 
     def _lay_out_points(self) -> None:
-        """Write the Radau points, six rows each, and a row for each direction."""
+        """Fill the Radau points, with six rows each, and add a row for each direction."""
         nodes = radau(self.degree)[0]
         points = np.zeros(int(self.intervals.sum()) * self.degree, POINT)
         i = 0
@@ -339,7 +339,7 @@ class Transcription:
             for _ in range(count):
                 self._rows.add(name, 0.0, 0.0)
 
-    # ---- rules
+    # ---- constraints
 
     def _lay_out_lengths(self) -> None:
         """Bound the lengths of phases and arcs."""
@@ -369,14 +369,14 @@ class Transcription:
                 self._bound_sum(f"event in arc {k}", members, length, length)
 
     def _ends_arc(self, p: int) -> bool:
-        """Whether a phase is the last of its arc, or of the tail-off after the cut-off."""
+        """Return true if a phase is the last of its arc, or of the tail-off after the cut-off."""
         if p + 1 == len(self.segments):
             return True
         here, there = self.segments[p], self.segments[p + 1]
         return bool(here["arc"] != there["arc"] or here["after_cutoff"] != there["after_cutoff"])
 
     def _throttle_turns(self, p: int) -> bool:
-        """Whether a phase ends where its burn begins or ends to be throttled."""
+        """Return true if a phase ends where throttling of its burn begins or ends."""
         if p + 1 == len(self.segments):
             return False
         here, there = self.segments[p], self.segments[p + 1]
@@ -387,7 +387,7 @@ class Transcription:
         )
 
     def _bound_sum(self, name: str, phases: list[int], low: float, high: float) -> None:
-        """Keep the length of some phases between two bounds, s."""
+        """Bound the total length of some phases, s."""
         low, high = low / self.time, min(high / self.time, INFINITE)
         if len(phases) == 1:
             at = self.lengths[phases[0]]
@@ -399,7 +399,7 @@ class Transcription:
         self._rows.linear += [(row, int(self.lengths[p]), 1.0) for p in phases]
 
     def _lay_out_masses(self) -> None:
-        """Tie the masses of phases to one another, and keep to the propellant of each stage."""
+        """Link the masses of successive phases, and bound the propellant of each stage."""
         rows, pieces, arcs = self._rows, self.segments, self.arrays.arcs
         self.lower[self.masses[0]] = self.upper[self.masses[0]] = 1.0
         dropped = np.zeros(len(pieces))
@@ -426,14 +426,14 @@ class Transcription:
         self._lay_out_propellant(dropped)
 
     def _lay_out_propellant(self, dropped: Array) -> None:
-        """Keep what each stage burns within its propellant, where that is not given."""
+        """Bound the propellant of each stage with a free burn."""
         pieces, arcs = self.segments, self.arrays.arcs
         stages = arcs["stage"][pieces["arc"]]
         start = self.start[0]
         used = timetable.propellant_used(
             start, float(pieces[0]["mass"]), arcs, self.arrays.jettisons
         )
-        #: the last phase of the stage that saves propellant; of the last one where none can
+        #: Last phase of the stage whose propellant is saved; the last phase if there is none.
         saved = np.flatnonzero(stages == saving_stage(self.arrays, start))
         self.saving = int(saved[-1]) if saved.size else len(pieces) - 1
         for stage in np.unique(stages):
@@ -453,7 +453,7 @@ class Transcription:
             ]
 
     def _lay_out_rules(self, floors: tuple[Floor, ...]) -> None:
-        """Write the rules of single states: target, heating, floors."""
+        """Fill the constraints on single states: target, heating, floors."""
         rules: list[tuple[int, int, int, int, int, float]] = []
         rows = self._rows
 
@@ -488,7 +488,7 @@ class Transcription:
                 add(PERIGEE_RULE, name, int(nodes[0]), floor.perigee_m)
             self.floor_rows[floor.arc] = list(range(before, len(rows.lower)))
         orbits = orbits_of(self.arrays, self.start)
-        #: of each coast that names its orbit, the phase that begins on it
+        #: For each coast that names an orbit, the phase that begins on it.
         self.orbit_phases = {k: self._after_thrust(k) for k in orbits if k in self.arc_phases}
         places = [(f"orbit of arc {k}", int(self.first[p])) for k, p in self.orbit_phases.items()]
         self.targets = np.concatenate((self.arrays.target, *(orbits[k] for k in self.orbit_phases)))
@@ -499,12 +499,12 @@ class Transcription:
         self.rules = np.array(rules, RULE)
 
     def _after_thrust(self, arc: int) -> int:
-        """Return the first phase of a coast in which nothing burns any more."""
+        """Return the first phase of a coast after the tail-off."""
         phases = self.arc_phases[arc]
         return next((p for p in phases if self.steering[p] == COASTING), phases[-1])
 
     def move_floor(self, arc: int, altitude_m: float) -> None:
-        """Ask for another altitude in an arc."""
+        """Change the altitude of the floor of an arc, m."""
         for rule in self.rules:
             if rule["kind"] == FLOOR_RULE and rule["row"] in self.floor_rows[arc]:
                 rule["level"] = altitude_m
@@ -512,7 +512,7 @@ class Transcription:
     # ---- patterns
 
     def _make_patterns(self) -> None:
-        """Make the patterns of Jacobian and Hessian, in the order in which kernels write."""
+        """Build the patterns of Jacobian and Hessian, in the order of the kernels."""
         rows: list[int] = []
         columns: list[int] = []
 
@@ -592,19 +592,19 @@ class Transcription:
                     put(at + j, at + other)
         return np.array(rows, np.int64), np.array(columns, np.int64)
 
-    # ---- what the solver calls
+    # ---- callbacks of the solver
 
     def objective(self, x: Array) -> float:
-        """Negative mass at the end of the stage that saves propellant, and the pull."""
-        return float(self.pull @ x) - float(x[self.ends[self.saving]])
+        """Return the negative mass at the end of the saving stage, plus the linear cost."""
+        return float(self.linear_cost @ x) - float(x[self.ends[self.saving]])
 
     def gradient(self, x: Array, out: Array) -> None:
-        """Gradient of :meth:`objective`."""
-        out[:] = self.pull
+        """Write the gradient of :meth:`objective`."""
+        out[:] = self.linear_cost
         out[self.ends[self.saving]] -= 1.0
 
     def rows(self, x: Array, out: Array) -> None:
-        """Values of all rows."""
+        """Write the values of all rows."""
         out[:] = 0.0
         fill_rows(x, self.program, out)
         fill_rules(x, self.program, self.mission, out)
@@ -612,10 +612,10 @@ class Transcription:
             np.add.at(out, self._linear_rows, self.linear * x[self._linear_columns])
 
     def jacobian(self, x: Array, out: Array) -> None:
-        """Entries of the Jacobian."""
+        """Write the entries of the Jacobian."""
         fill_jacobian(x, self.program, self.mission, out)
         out[self.moving :] = self.linear
 
     def hessian(self, x: Array, multipliers: Array, factor: float, out: Array) -> None:
-        """Entries of the Hessian of the Lagrangian."""
+        """Write the entries of the Hessian of the Lagrangian."""
         fill_hessian(x, multipliers, self.program, self.mission, out)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steering laws with finitely many parameters, optimised on exact gradients."""
+"""Optimise steering laws with finitely many parameters on exact gradients."""

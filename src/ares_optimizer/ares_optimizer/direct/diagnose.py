@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a mission has no solution: the constraint in the way, and by how much."""
+"""Name the constraint that makes a mission infeasible, and its violation."""
 
 import math
 from dataclasses import replace
@@ -18,7 +18,7 @@ from ares_optimizer.direct.kernels.problem import (
     MINIMISE_HEATING,
 )
 from ares_optimizer.direct.kernels.sqp import TOO_MANY_ITERATIONS
-from ares_optimizer.direct.search import LIFTED, Found, eased, run, solve_base, tighten
+from ares_optimizer.direct.search import LIFTED, Found, relaxed, run, solve_base, tighten
 from ares_optimizer.direct.transcription import Transcription, transcribe
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Cause, Status, infeasible
@@ -27,12 +27,12 @@ from ares_optimizer.targets import figures_of, half_turn, target_rows
 Array = NDArray[np.float64]
 
 _FEASIBLE = 1e-6
-_NEAR = 1e-3  # scaled violation of a flight that all but reaches the target
-_PLACES = (0.2, 0.5, 0.8, 0.98)  # of the time from the earliest drop to cut-off
+_NEAR = 1e-3  # scaled terminal violation up to which a flight counts as reaching the target
+_PLACES = (0.2, 0.5, 0.8, 0.98)  # trial drops, as fractions of earliest drop to cut-off
 
 
 def propellant_obstacle(found: Found) -> str:
-    """A line when the optimum burns longer than the last stage can; empty otherwise."""
+    """Return a line if the optimum burns more than the last stage has, else ""."""
     transcription = found.transcription
     late = found.cutoff_s - transcription.depletion_s
     if late <= 0.0:
@@ -45,13 +45,13 @@ def propellant_obstacle(found: Found) -> str:
 
 
 def held_by_heating(found: Found) -> bool:
-    """Whether a heating limit at a jettison holds the solution."""
+    """Return true if a heating limit at a jettison is active."""
     drops = len(found.transcription.problem.drops)
     return bool(np.any(found.inequalities[: 3 * drops : 3] > 0.0))
 
 
 def miss_line(arrays: MissionArrays, found: Found) -> str:
-    """By how much the nearest flight misses the target."""
+    """Describe the errors of the nearest flight from the target, the two largest."""
     problem = found.transcription.problem
     mu = float(problem.environment[0]["mu"])
     target = arrays.target[0]
@@ -70,12 +70,12 @@ def miss_line(arrays: MissionArrays, found: Found) -> str:
     text = "; ".join(line for _, line in parts[:2])
     latest = problem.latest_cutoff
     if found.cutoff_s >= latest - 1.0:
-        text += "; the whole last stack would have to be burnt"
+        text += "; the last stage would have to burn all of its mass"
     return text
 
 
 def ground_obstacle(found: Found) -> str:
-    """A line when the flight goes through the ground, by the ends of the solver's steps."""
+    """Return a line if a node of the flight is below ground, else ""."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
     evaluate(found.variables, problem, scratch, make_point(problem))
@@ -88,15 +88,15 @@ def ground_obstacle(found: Found) -> str:
 
 
 def terminal_miss(found: Found) -> float:
-    """Largest scaled residual of the terminal equations."""
+    """Return the largest scaled residual of the terminal equations."""
     problem = found.transcription.problem
     point = make_point(problem)
     evaluate(found.variables, problem, make_scratch(problem), point)
     return float(np.abs(point.equations).max())
 
 
-def why_no_flight(arrays: MissionArrays, found: Found) -> Cause:
-    """Why a search ended without a solution, as far as its last flight tells."""
+def failure_cause(arrays: MissionArrays, found: Found) -> Cause:
+    """Return the cause of a failed search, derived from its last flight."""
     if terminal_miss(found) > _NEAR:
         line = f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
         return Cause(Status.INFEASIBLE, line)
@@ -110,7 +110,7 @@ def why_no_flight(arrays: MissionArrays, found: Found) -> Cause:
 
 
 def path_obstacle(found: Found) -> str:
-    """A line on a heating limit that cannot be held from the jettison on."""
+    """Return a line on a heating limit that cannot be held from the jettison to cut-off."""
     problem = found.transcription.problem
     j = found.transcription.heating_jettisons[-1]
     lowest = math.exp(float(problem.drops[-1, D_LOG_LIMIT]))
@@ -134,31 +134,31 @@ def path_obstacle(found: Found) -> str:
 def rescue(
     arrays: MissionArrays, start: Record, heating: Heating, found: Found, deadline: Deadline
 ) -> tuple[Found, Cause | None]:
-    """Last attempt on a mission that did not converge, or the reason why it cannot.
+    """Solve a mission that did not converge by another route, or find the cause.
 
-    The heating limit is lifted; if the target can then be reached, the flight with the least
-    heating at the jettison is sought. Either it meets the limit, and the search starts again
-    from it, or its heating is the answer.
+    The heating limit is removed. If the target can then be reached, the limit is lowered in steps;
+    if that fails, the flight with the least heating at the jettison is sought. If it meets the
+    limit, the search starts again from it; if not, its heating goes into the message.
 
     Args:
         arrays: the mission.
         start: record NAVIGATION.
-        heating: what the heating limit asks.
+        heating: where the heating limit holds.
         found: the failed search.
-        deadline: when to give up.
+        deadline: time limit.
 
     Returns:
-        a search that converged and None, or ``found`` and why.
+        a converged outcome and None, or ``found`` and the cause.
     """
     first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
     base = transcribe(arrays, start, "direct11", first)
     lifted = found
     if len(base.problem.drops):
-        lifted = solve_base(eased(base, LIFTED), None, deadline)
+        lifted = solve_base(relaxed(base, LIFTED), None, deadline)
         found.iterations += lifted.iterations
         found.restarts += lifted.restarts + 1
     if not lifted.converged:
-        return found, why_no_flight(arrays, lifted)
+        return found, failure_cause(arrays, lifted)
     obstacle = ground_obstacle(lifted)
     if obstacle:
         return found, infeasible(obstacle)
@@ -194,7 +194,7 @@ def rescue(
         again.restarts = found.restarts + 1
         if again.converged:
             return again, None
-        return found, why_no_flight(arrays, again)
+        return found, failure_cause(arrays, again)
     j = base.heating_jettisons[-1]
     if not math.isfinite(best):
         return found, infeasible(
@@ -209,7 +209,7 @@ def rescue(
 
 
 def _within_propellant(transcription: Transcription) -> Transcription:
-    """The same problem with the cut-off no later than the propellant lasts."""
+    """Return a copy of the problem with the cut-off no later than depletion."""
     problem = transcription.problem
     latest = min(problem.latest_cutoff, transcription.depletion_s)
     return replace(transcription, problem=problem._replace(latest_cutoff=latest))
@@ -222,7 +222,7 @@ def least_heating(transcription: Transcription, variables: Array, deadline: Dead
 
 
 def heating_level(found: Found) -> float:
-    """Log of the heating in W/m2 at the last free drop; inf when not finite."""
+    """Return the log of the heating, W/m2, at the last free drop; inf when not finite."""
     problem = found.transcription.problem._replace(objective=MINIMISE_HEATING)
     level = evaluate(found.variables, problem, make_scratch(problem), make_point(problem))
     return level if math.isfinite(level) else math.inf

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Direct methods with free arcs: their lengths are sought around the search for the steering.
+"""Optimise the lengths of free arcs around the direct search for the steering.
 
-With its arcs of given lengths a flight is an ordinary one. What it takes of propellant is a
-smooth function of a few lengths, which a derivative-free trust region minimises (COBYQA:
-Ragonneau and Zhang, 2022) from the best of several trials.
+At given lengths the steering is found as for a mission without free arcs. The propellant is then a
+smooth function of a few lengths, which a derivative-free trust region minimises (COBYQA: Ragonneau
+and Zhang, 2022) from the best of several trials.
 """
 
 import math
@@ -34,22 +34,22 @@ from ares_optimizer.solution import OUT_OF_TIME, Cause, Solution, Status, failed
 Array = NDArray[np.float64]
 
 _MOST_TRIALS = 9
-_REFINED = 2  # of the trials
-_EVALUATIONS = 120  # of one refinement
+_REFINED = 2  # number of trials that are refined
+_EVALUATIONS = 120  # most evaluations of one refinement
 _SCALE_S = 100.0
-_RADIUS = 0.5  # first and last radius of the trust region, in the scale
+_RADIUS = 0.5  # first and last radius of the trust region, in units of _SCALE_S
 _LAST_RADIUS = 1e-5
-_NO_FLIGHT = 1e3  # scaled cost of lengths that lead nowhere, beyond that of the best
-_SPARE = 0.4  # of a last burn of fixed length, in the search
+_NO_FLIGHT = 1e3  # scaled cost, above that of the first trial, of lengths without a solution
+_SPARE = 0.4  # extra length of a last burn of fixed length during the search, fraction
 _SAME_LENGTH = 1e-3  # s, of a last burn of fixed length
-_NEXT_TO_NOTHING_S = 0.1  # of the last burn
-_LONGEST_WAIT_S = 600.0  # of a coast beyond its shortest, where nothing has to be burnt
+_NEXT_TO_NOTHING_S = 0.1  # negligible propellant, as a time of the last burn
+_LONGEST_WAIT_S = 600.0  # longest trial coast beyond its shortest, where fixed burns suffice
 _ROUNDING = 1e-9
 
 
 @dataclass
 class _Search:
-    """The flights tried, and the best of them."""
+    """Hold the flights tried and the best of them."""
 
     request: Request
     best: Solution | None = None
@@ -58,7 +58,7 @@ class _Search:
     tried: int = 0
 
     def fly(self, lengths: Array, guess: Solution | None = None) -> Solution:
-        """The best steering for given lengths."""
+        """Optimise the steering for given lengths, s."""
         request = self.request
         spare = _SPARE * float(request.arrays.arcs[-1]["duration"])
         planned = _planned(request, lengths, spare)
@@ -68,8 +68,8 @@ class _Search:
         self.last = replace(solution, lengths_s=tuple(float(length) for length in lengths))
         return self.last
 
-    def stays_up(self, solution: Solution) -> bool:
-        """Tell if a flight reaches its target, and does not go deep through the ground."""
+    def stays_above_ground(self, solution: Solution) -> bool:
+        """Return true if a flight reaches its target and does not dip deep below the surface."""
         if not solution.converged:
             return False
         request = self.request
@@ -89,25 +89,25 @@ class _Search:
         return lowest > (1.0 - DEEPEST) * ground
 
     def last_length(self, solution: Solution) -> float:
-        """Length of the last burn, s."""
+        """Return the length of the last burn, s."""
         lengths = np.array(solution.lengths_s)
         start = self.request.state[0]
         return solution.t_meco_s - last_begin(self.request.arrays, start, lengths)
 
     def cost(self, solution: Solution) -> float:
-        """Propellant of the free burns, kg."""
+        """Return the propellant of the free burns, kg."""
         arrays, start = self.request.arrays, self.request.state[0]
         return spent(arrays, start, np.array(solution.lengths_s), self.last_length(solution))
 
 
 def _planned(request: Request, lengths: Array, spare_s: float) -> MissionArrays:
-    """The mission with arcs of given lengths.
+    """Return the mission with arcs of given lengths.
 
     Args:
-        request: what is asked.
-        lengths: s, of its free arcs before the last.
-        spare_s: s, that a last burn of fixed length may last longer: its propellant, which may
-            end with it, is no obstacle to a search that comes from both sides.
+        request: the mission is taken from it.
+        lengths: of its free arcs before the last, s.
+        spare_s: extra propellant, as burn time, of a last burn of fixed length, s. A search from
+            both sides must not run out of propellant.
     """
     planned = with_lengths(request.arrays, request.state[0], lengths)
     last = request.arrays.arcs[-1]
@@ -119,15 +119,15 @@ def _planned(request: Request, lengths: Array, spare_s: float) -> MissionArrays:
 
 
 def solve_direct_planned(request: Request, trials: Iterable[Array] | None = None) -> Solution:
-    """The optimal ascent by a direct method, with all free arcs at their best lengths.
+    """Compute the optimal ascent and arc lengths by a direct method.
 
     Args:
-        request: what is asked.
-        trials: lengths of the free arcs to begin with, s, of which the best are made better;
-            None: the likeliest.
+        request: mission, method and start.
+        trials: initial lengths of the free arcs, s, of which the best are refined; None: the
+            first of ``trial_lengths``.
 
     Raises:
-        OptimizerError: a guess that is none for a direct method.
+        OptimizerError: the guess is of another method.
     """
     began = time.perf_counter()
     search = _Search(request)
@@ -145,51 +145,52 @@ def solve_direct_planned(request: Request, trials: Iterable[Array] | None = None
     for trial in flown:
         if len(refined) == _REFINED:
             break
-        if search.stays_up(trial):
+        if search.stays_above_ground(trial):
             better = _refine(search, trial)
-            refined.append(better if search.stays_up(better) else trial)
+            refined.append(better if search.stays_above_ground(better) else trial)
     best = min(refined, key=search.cost, default=None)
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None and flown:
-        # its proof names the ground, asked for or not
+        # verify even if not requested: the proof names the ground
         search.request = replace(request, verify=True)
         best = flown[0]
     if best is None:
         if search.last is None:
             return failed(request.method, OUT_OF_TIME)
         return replace(search.last, solve_ms=elapsed, iterations=search.iterations)
-    return _finished(search, best, elapsed)
+    return _verified(search, best, elapsed)
 
 
 def reach_without(request: Request) -> Solution | None:
-    """A flight that takes next to nothing of the free burns: those of fixed length reach.
+    """Find a flight that needs almost no propellant of the free burns.
 
-    There a steering that wastes what is too much is as good as another, and no extremal.
+    The burns of fixed length then suffice. Any steering that wastes the excess energy is as good
+    as another, and none is an extremal.
 
     Args:
-        request: with any method; its guess is not used.
+        request: its method and its guess are not used.
 
     Returns:
-        the flight, proven, or None where none was found.
+        the proven flight, or None where none was found.
     """
     began = time.perf_counter()
     arrays, start = request.arrays, request.state
-    # wasteful steering may turn faster than the search's own steps follow: not without a proof
+    # wasteful steering may turn too fast for the search's integration steps: always verify
     search = _Search(replace(request, method="direct11", guess=None, verify=True))
     nothing = _NEXT_TO_NOTHING_S * float(arrays.arcs[-1]["mass_flow"])
-    for lengths in _waits(arrays, start):
+    for lengths in _coast_trials(arrays, start):
         if request.deadline.passed:
             break
         solution = search.fly(lengths)
         if solution.converged and search.cost(solution) < nothing:
-            proven = _finished(search, solution, 1e3 * (time.perf_counter() - began))
+            proven = _verified(search, solution, 1e3 * (time.perf_counter() - began))
             if proven.converged:
                 return proven
     return None
 
 
-def _waits(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
-    """Lengths of the free arcs, s: burns at their shortest, coasts each short and longer."""
+def _coast_trials(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
+    """Generate lengths of the free arcs, s: shortest burns, coasts from shortest to longer."""
     free = free_arcs(arrays, start[0])
     low, high = length_bounds(arrays, start[0])
     coasts = arrays.arcs["kind"][free] != BURN
@@ -200,7 +201,7 @@ def _waits(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
 
 
 def _refine(search: _Search, first: Solution) -> Solution:
-    """The best lengths near a trial."""
+    """Optimise the lengths from a trial."""
     request = search.request
     arrays, start = request.arrays, request.state[0]
     low, high = length_bounds(arrays, start)
@@ -244,8 +245,8 @@ def _refine(search: _Search, first: Solution) -> Solution:
     return state["best"] if math.isinf(duration) else fly(result.x)
 
 
-def _finished(search: _Search, best: Solution, elapsed: float) -> Solution:
-    """The best flight, proven as one with arcs of given lengths."""
+def _verified(search: _Search, best: Solution, elapsed: float) -> Solution:
+    """Verify the best flight, as one with arcs of given lengths."""
     request = search.request
     arrays = request.arrays
     lengths = np.array(best.lengths_s)

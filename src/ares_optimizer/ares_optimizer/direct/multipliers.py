@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Costates and prices out of the multipliers of a direct solution.
+"""Compute costates and sensitivities from the multipliers of a direct solution.
 
-The multipliers of the terminal equations are the costates at cut-off; they are carried back
-along the flight by Eqs. 3.16 and 3.17 with the gravity gradient of the mission, and jump at
-a heating-limited jettison by the multiplier of its limit (Eqs. 3.46 and, corrected, 3.47).
-The steering of the direct solution enters through the flight alone, so that setting
-lambda_v beside B + A t is a test of it.
+The multipliers of the terminal equations give the costates at cut-off. They are integrated
+backwards along the flight by Eqs. 3.16 and 3.17 with the gravity gradient of the mission, and jump
+at a heating-limited jettison by the multiplier of its limit (Eqs. 3.46 and, corrected, 3.47).
+The steering of the direct solution enters through the flight alone, so a comparison of lambda_v
+with B + A t tests it.
 """
 
 import math
@@ -33,8 +33,8 @@ from ares_optimizer.direct.kernels.problem import (
 )
 from ares_optimizer.direct.kernels.sqp import (
     Frame,
-    Prices,
-    Room,
+    Multipliers,
+    Workspace,
     lagrangian_gradient,
     reduced_hessian,
 )
@@ -51,8 +51,8 @@ _SAME_TIME = 1e-6
 _PERIOD = 2.0  # of the samples, s
 
 
-#: A check, and the jettison that it is about.
-Priced = tuple[Check, int | None]
+#: A check and its jettison, if it has one.
+CheckKey = tuple[Check, int | None]
 
 
 def _vector(x: Array) -> Vector:
@@ -60,7 +60,7 @@ def _vector(x: Array) -> Vector:
 
 
 def terminal_costates(problem: Problem, nu: Array, r: Array, v: Array) -> Array:
-    """Costates at the end of thrust, shape (6,): -d(objective)/d(state)."""
+    """Return the costates at the end of thrust, shape (6,): -d(objective)/d(state)."""
     c = np.empty(MAX_ROWS)
     rows = np.empty((MAX_ROWS, 6))
     count = terminal_rows(
@@ -71,12 +71,12 @@ def terminal_costates(problem: Problem, nu: Array, r: Array, v: Array) -> Array:
 
 @dataclass(frozen=True)
 class Jump:
-    """A point where the heating limit holds the optimum.
+    """Hold a time at which the heating limit is active.
 
     Attributes:
-        time_s: when.
+        time_s: time, s.
         multiplier: of the log of the limit, not negative.
-        drop: free drop that comes there; -1 for a later peak of the heating.
+        drop: index of the free drop at that time; -1 for a later heating peak.
     """
 
     time_s: float
@@ -85,7 +85,7 @@ class Jump:
 
 
 def heating_jumps(found: Found) -> list[Jump]:
-    """Where the costates of a solution jump."""
+    """Return the times at which the costates of a solution jump."""
     jumps = [
         Jump(time, float(found.inequalities[3 * d]), d) for d, time in enumerate(found.drop_times_s)
     ]
@@ -93,24 +93,24 @@ def heating_jumps(found: Found) -> list[Jump]:
 
 
 def _heating_gradient(problem: Problem, y: Array) -> Array:
-    """Gradient of log heating by position and velocity, shape (6,)."""
+    """Return the gradient of log heating by position and velocity, shape (6,)."""
     _, by_position, by_velocity = log_heating_gradient(
         _vector(y[:3]), _vector(y[3:6]), problem.environment[0], problem.atmosphere
     )
     return np.array([*by_position, *by_velocity])
 
 
-def _carry_back(
+def _integrate_back(
     arrays: MissionArrays,
     piece: Piece,
     direction: Direction,
     costate: Array,
 ) -> tuple[Array, Array]:
-    """Costates over one smooth piece, backwards.
+    """Integrate the costates backwards over one smooth piece.
 
     Returns:
-        times, shape (k,), falling, and costates there, shape (k, 7): lambda_r, lambda_v,
-        lambda_m.
+        times, shape (k,), descending, and costates at these times, shape (k, 7): lambda_r,
+        lambda_v, lambda_m.
     """
     environment = arrays.environment[0]
 
@@ -150,12 +150,12 @@ def _carry_back(
 def recover_costates(
     arrays: MissionArrays, found: Found, flight: Flight, steering: Steering
 ) -> Costates:
-    """Costates of a direct solution along its verified flight.
+    """Compute the costates of a direct solution along its verified flight.
 
     Args:
         arrays: the mission.
         found: a converged solution.
-        flight: the same flight, integrated by ``verify.fly``.
+        flight: the same flight, integrated by ``proof.flight.fly``.
         steering: its steering.
 
     Returns:
@@ -189,7 +189,7 @@ def recover_costates(
                         _vector(y[:3]), _vector(y[3:6]), arrays.environment[0], arrays.atmosphere
                     )
         direction = steering(begin, end)
-        grid, samples = _carry_back(arrays, piece, direction, costate)
+        grid, samples = _integrate_back(arrays, piece, direction, costate)
         plain = np.empty(len(grid))
         whole = np.empty(len(grid))
         for i, (t, x) in enumerate(zip(grid, samples, strict=True)):
@@ -218,10 +218,10 @@ def recover_costates(
     )
 
 
-def prices(found: Found, flight: Flight) -> dict[Priced, float]:
-    """What each limit is worth: kg of final mass per unit of the limit.
+def limit_sensitivities(found: Found, flight: Flight) -> dict[CheckKey, float]:
+    """Return the sensitivity to each limit: kg of final mass per unit of the limit.
 
-    Figures of the target per m, m/s, deg or 1, heating limits per W/m2.
+    Elements of the target: per m, m/s, deg or 1. Heating limits: per W/m2.
 
     Args:
         found: a converged solution.
@@ -239,7 +239,7 @@ def prices(found: Found, flight: Flight) -> dict[Priced, float]:
         count = terminal_rows(target[0], mu, r, v, c, np.empty((MAX_ROWS, 6)))
         return float(found.equations[:count] @ c[:count])
 
-    table: dict[Priced, float] = {}
+    table: dict[CheckKey, float] = {}
     for key, _, unit, _ in target_rows(target[0]):
         value = float(target[key][0])
         step = 1e-6 * max(abs(value), 1e-2)
@@ -261,23 +261,24 @@ def prices(found: Found, flight: Flight) -> dict[Priced, float]:
 
 
 def least_curvature(found: Found) -> float:
-    """Least eigenvalue of the Hessian of the Lagrangian along what the constraints leave free.
+    """Return the least eigenvalue of the Hessian projected on the active constraints.
 
-    Positive at a strict minimum, in the solver's units; inf when nothing is left free.
+    The Hessian is that of the Lagrangian, in the solver's units, in the null space of the active
+    constraints. Positive at a strict minimum; inf where the null space is empty.
     """
     problem = found.transcription.problem
     n = problem.variables
-    room = Room(make_scratch(problem), make_point(problem), make_point(problem))
-    point = room.point
-    evaluate_with_gradients(found.variables, problem, room.scratch, point)
+    workspace = Workspace(make_scratch(problem), make_point(problem), make_point(problem))
+    point = workspace.point
+    evaluate_with_gradients(found.variables, problem, workspace.scratch, point)
     active = found.inequalities > 0.0
     rows = np.concatenate((point.equation_rows, point.inequality_rows[active]))
     basis = np.linalg.svd(rows)[2][len(rows) :].T
     if basis.shape[1] == 0:
         return math.inf
     base = np.empty(n)
-    multipliers = Prices(found.equations, found.inequalities)
+    multipliers = Multipliers(found.equations, found.inequalities)
     lagrangian_gradient(point, multipliers, base)
     frame = Frame(np.ascontiguousarray(basis), np.zeros(n), base)
-    hessian, _ = reduced_hessian(found.variables, problem, room, multipliers, frame)
+    hessian, _ = reduced_hessian(found.variables, problem, workspace, multipliers, frame)
     return float(np.linalg.eigvalsh(hessian)[0])

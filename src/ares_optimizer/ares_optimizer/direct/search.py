@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Direct solutions: linear-tangent steering, optimised on exact gradients.
+"""Search direct solutions: linear-tangent steering, optimised on exact gradients.
 
-The 11-parameter problem is solved first, from the caller's guess if there is one, else (or
-if that fails) from starts of the solver's own. Every other method starts from its solution:
-more free parameters (``direct14``, ``direct20``), the analytic jump condition (``jump``),
-the heating limit from the jettison on. Where a limit is hard to meet, it is lowered step by
-step (``tighten``).
+The 11-parameter problem is solved first: from the caller's guess if there is one, and from the
+starts of a sweep if there is none or it fails. All other problems start from that solution: more
+free parameters (``direct14``, ``direct20``), the analytic jump condition (``jump``), the heating
+limit from the jettison on. A limit that is hard to meet is lowered in steps (``tighten``).
 """
 
 import math
@@ -55,21 +54,21 @@ from ares_optimizer.solution import OptimizerError, SteeringArc
 
 Array = NDArray[np.float64]
 
-#: A law longer than this is cut in equal parts with a free rate each, s.
+#: A law longer than this, s, is split into equal parts with a free rate each.
 LONGEST_LAW = 450.0
-#: Such cuts at most: in a flight so long that it would take more, the parts are longer.
+#: Most such splits; a longer flight has longer parts.
 MOST_CUTS = 32
-#: Added to a log heating limit: nothing reaches it.
+#: Added to a log heating limit to remove it.
 LIFTED = 60.0
 
 _ITERATIONS = 40
 _GUESS_IS_RESTORED_TO = 1.0
 _SOLUTION_IS_RESTORED_TO = 10.0
 _STARTS = 4
-_SMALLEST_EASING = 3e-4  # step of a log heating limit
-_MOST_EASINGS = 120
+_SMALLEST_RELAXATION = 3e-4  # smallest step of a log heating limit
+_MOST_RELAXATIONS = 120
 _SAME_TIME = 1.0  # of a jettison, s
-_JUMP_MAY_COST = 3.0  # kg against direct11
+_JUMP_MAY_COST = 3.0  # kg more propellant than direct11
 _LATE = 2.0  # before cut-off, s
 _COSTS_NOTHING = 1e-6  # s
 _SIDE = 1e-9  # either side of an event, s
@@ -78,14 +77,14 @@ _GAUSS = np.polynomial.legendre.leggauss(10)
 
 @dataclass(frozen=True)
 class Guess:
-    """Where the search may start.
+    """Hold the start of a search.
 
     Attributes:
         direction: steering vector at the start, any length, shape (3,).
         direction_rate: its rate, 1/s, for a unit ``direction``.
         t_plf_s: time of the (last) heating-limited jettison; None: where the heating allows.
         t_burn_s: from there to cut-off; from the start if there is no such jettison.
-        rate_after_jettison: rate from the jettison on; None: as before.
+        rate_after_jettison: rate from the jettison on; None: ``direction_rate``.
     """
 
     direction: Sequence[float]
@@ -97,22 +96,22 @@ class Guess:
 
 @dataclass
 class Found:
-    """The end of a search.
+    """Hold the outcome of a search.
 
     Attributes:
         transcription: the problem that was solved.
         variables: shape (n,).
-        end: CONVERGED, or how it failed.
+        end: exit status of the solver, CONVERGED or another of ``kernels/sqp.py``.
         miss: largest scaled violation.
         curvature: least eigenvalue of the reduced Hessian.
         equations: multipliers of the equations.
         inequalities: multipliers of the inequalities.
-        values: the inequalities.
+        values: values of the inequalities.
         final: shape (8,): time s after the start, position, velocity, mass.
         iterations: of all searches so far.
         restarts: searches beyond the first.
-        base_converged: whether the 11-parameter problem was solved on the way.
-        excess: how far the logs of the heating limits are still raised above the mission's.
+        base_converged: true if the 11-parameter problem was solved.
+        excess: log heating limits of the problem minus those of the mission.
     """
 
     transcription: Transcription
@@ -131,17 +130,17 @@ class Found:
 
     @property
     def converged(self) -> bool:
-        """Whether the search ended at a point that meets the conditions of an optimum."""
+        """Return true if the end point meets the conditions of an optimum."""
         return self.end == CONVERGED
 
     @property
     def cutoff_s(self) -> float:
-        """Cut-off time."""
+        """Return the cut-off time, s."""
         return float(self.transcription.problem.start_time + TIME_SCALE * self.variables[-1])
 
     @property
     def drop_times_s(self) -> tuple[float, ...]:
-        """Times of the free drops."""
+        """Return the times of the free drops, s."""
         problem = self.transcription.problem
         return tuple(
             float(problem.start_time + TIME_SCALE * self.variables[drop_column(problem, d)])
@@ -150,18 +149,18 @@ class Found:
 
 
 def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadline) -> Found:
-    """One search from one guess."""
+    """Search once, from one guess."""
     variables = np.array(guess, dtype=np.float64)
     problem = transcription.problem._replace(stop=deadline.flag)
     end, iterations, miss, curvature, nu, mu, values, final = search(
         variables, problem, goal, _ITERATIONS
     )
-    deadline.tell(Progress("direct", iterations, miss, float(final[7])))
+    deadline.report(Progress("direct", iterations, miss, float(final[7])))
     return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
 
 
 def guess_variables(problem: Problem, guess: Guess) -> Array:
-    """Variables of a guess.
+    """Convert a guess to variables of a problem.
 
     Raises:
         OptimizerError: a number of the guess is not finite, or the direction is zero.
@@ -202,7 +201,7 @@ def guess_variables(problem: Problem, guess: Guess) -> Array:
 
 
 def law_times(problem: Problem, variables: Array) -> list[float]:
-    """Time at which each law begins, s."""
+    """Return the time, s, at which each law begins."""
     times = []
     for law, fixed in zip(problem.laws, problem.law_time, strict=True):
         if law[L_BEGINS] == AT_DROP:
@@ -215,19 +214,19 @@ def law_times(problem: Problem, variables: Array) -> list[float]:
 
 @dataclass(frozen=True)
 class Law:
-    """A steering law: direction + rate (t - time), not normalised."""
+    """Hold a steering law: direction + rate (t - time), not normalised."""
 
     time: float
     direction: Array
     rate: Array
 
     def at(self, t: float) -> Array:
-        """Steering vector at ``t``."""
+        """Return the steering vector at ``t``, s."""
         return self.direction + self.rate * (t - self.time)
 
 
 def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
-    """The laws of a solution, in order of time, but for those of held burns."""
+    """Return the laws of a solution in order of time, without those of held burns."""
     problem = transcription.problem
     laws: list[Law] = []
     times = law_times(problem, variables)
@@ -248,7 +247,7 @@ def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
 
 
 def _law_in_force(found: Found, laws: list[Law], t: float) -> Law:
-    """The law just after ``t``: that of a held burn, or the last one that has begun."""
+    """Return the law just after ``t``: of a held burn, or the last that has begun."""
     problem = found.transcription.problem
     for column, (begin, end) in zip(problem.held, problem.held_time, strict=True):
         if begin <= t + _SIDE < end:
@@ -257,14 +256,14 @@ def _law_in_force(found: Found, laws: list[Law], t: float) -> Law:
 
 
 def _jump_laws(problem: Problem, variables: Array) -> dict[int, tuple[Array, Array]]:
-    """Steering vector and rate after each jettison by the jump condition."""
+    """Return the steering vector and its rate after each jettison by the jump condition."""
     scratch = make_scratch(problem)
     evaluate(variables, problem, scratch, make_point(problem))
     return {d: (row[8:11].copy(), row[11:14].copy()) for d, row in enumerate(scratch.drops[:-1])}
 
 
 def carry_over(found: Found, transcription: Transcription) -> Array:
-    """Variables of another problem that fly the same flight, as far as it can.
+    """Convert a solution to variables of another problem with the same or a similar flight.
 
     Args:
         found: a solution.
@@ -294,7 +293,7 @@ def carry_over(found: Found, transcription: Transcription) -> Array:
 
 
 def own_starts(transcription: Transcription, deadline: Deadline) -> Array:
-    """Starts of the solver's own, best first, shape (k, n)."""
+    """Return the best starts of the sweep, best first, shape (k, n)."""
     problem = transcription.problem._replace(stop=deadline.flag)
     starts = np.zeros((_STARTS, problem.variables))
     misses = np.zeros(_STARTS)
@@ -303,7 +302,7 @@ def own_starts(transcription: Transcription, deadline: Deadline) -> Array:
 
 
 def _better(a: Found | None, b: Found) -> Found:
-    """The one to keep, with the work of both on its account."""
+    """Return the better of two outcomes, with the iterations and restarts of both."""
     if a is None:
         return b
     keep = b
@@ -315,15 +314,15 @@ def _better(a: Found | None, b: Found) -> Found:
     return keep
 
 
-def eased(transcription: Transcription, amount: float) -> Transcription:
-    """The same problem with every log heating limit raised."""
+def relaxed(transcription: Transcription, amount: float) -> Transcription:
+    """Return a copy of the problem with every log heating limit raised by ``amount``."""
     drops = transcription.problem.drops.copy()
     drops[:, D_LOG_LIMIT] += amount
     return replace(transcription, problem=transcription.problem._replace(drops=drops))
 
 
 def _first_crossing(found: Found) -> Array | None:
-    """Variables with the drops where the heating first allows them, if that is earlier."""
+    """Return variables with earlier drops where the heating allows them, else None."""
     problem = found.transcription.problem
     if not len(problem.drops):
         return None
@@ -339,7 +338,7 @@ def _first_crossing(found: Found) -> Array | None:
 
 
 def solve_base(transcription: Transcription, guess: Guess | None, deadline: Deadline) -> Found:
-    """Solve a problem from scratch: from the guess, then from starts of the solver's own."""
+    """Solve a problem from the guess, then from the starts of the sweep."""
     best: Found | None = None
     if guess is not None:
         start = guess_variables(transcription.problem, guess)
@@ -360,7 +359,7 @@ def solve_base(transcription: Transcription, guess: Guess | None, deadline: Dead
 
 
 def heating_excess(variables: Array, problem: Problem) -> float:
-    """Greatest log of heating over limit that a flight has where the limits hold."""
+    """Return the greatest log ratio of heating to limit where the limits hold."""
     scratch = make_scratch(problem)
     point = make_point(problem)
     evaluate(variables, problem, scratch, point)
@@ -374,17 +373,17 @@ def heating_excess(variables: Array, problem: Problem) -> float:
 def tighten(
     found: Found, transcription: Transcription, deadline: Deadline, bound: float = math.inf
 ) -> Found:
-    """From a solution under raised heating limits down to the limits themselves.
+    """Lower raised heating limits in steps to those of the problem.
 
     Args:
-        found: a solution of the same flight, its heating anything.
+        found: a solution of the same flight, with any heating.
         transcription: the problem to be solved.
-        deadline: when to give up.
-        bound: cut-off time of a known solution, s: what is later is not worth following.
+        deadline: time limit.
+        bound: cut-off time of a known solution, s; stop when the cut-off is later.
 
     Returns:
-        the search of the lowest limits that converged (``found`` if none did); its ``excess``
-        is 0 when all is done.
+        the converged outcome with the lowest limits, ``found`` if there is none; its ``excess``
+        is 0 when the limits of the problem are reached.
     """
     best = replace(found, iterations=0, restarts=0)
     variables = carry_over(found, transcription)
@@ -392,15 +391,15 @@ def tighten(
     step = reached
     iterations = 0
     restarts = 0
-    while reached > 0.0 and step > _SMALLEST_EASING and not deadline.passed:
+    while reached > 0.0 and step > _SMALLEST_RELAXATION and not deadline.passed:
         if best.cutoff_s > bound:
             break
         amount = max(0.0, reached - step)
-        target = eased(transcription, amount) if amount > 0.0 else transcription
+        target = relaxed(transcription, amount) if amount > 0.0 else transcription
         trial = run(target, variables, _SOLUTION_IS_RESTORED_TO, deadline)
         iterations += trial.iterations
         restarts += 1
-        if restarts > _MOST_EASINGS:
+        if restarts > _MOST_RELAXATIONS:
             break
         if trial.converged:
             best, variables, reached = trial, trial.variables, amount
@@ -416,7 +415,7 @@ def tighten(
 
 
 def continue_from(found: Found, transcription: Transcription, deadline: Deadline) -> Found:
-    """Solve a neighbouring problem from a solution, keeping the account of the work."""
+    """Solve a similar problem from a solution, adding up iterations and restarts."""
     guess = carry_over(found, transcription)
     more = run(transcription, guess, _SOLUTION_IS_RESTORED_TO, deadline)
     more.iterations += found.iterations
@@ -425,7 +424,10 @@ def continue_from(found: Found, transcription: Transcription, deadline: Deadline
 
 
 def splits_for(found: Found) -> tuple[float, ...]:
-    """Times that cut every overlong law into equal parts; none of a search that came to nothing."""
+    """Return the times, s, that split every overlong law into equal parts.
+
+    Empty where a time is not finite.
+    """
     times = [*law_times(found.transcription.problem, found.variables), found.cutoff_s]
     if not np.isfinite(times).all():
         return ()
@@ -451,13 +453,13 @@ def find_direct(
     Args:
         arrays: the mission.
         start: record NAVIGATION.
-        method: which.
-        heating: what the heating limit asks.
-        guess: where to start; None: the solver's own start.
-        deadline: when to give up.
+        method: one of these four.
+        heating: where the heating limit holds.
+        guess: start of the search; None: the sweep.
+        deadline: time limit.
 
     Raises:
-        OptimizerError: no flight can be laid out, or the guess has no sense.
+        OptimizerError: no timetable exists, or the guess is not valid.
     """
     deadline = deadline or Deadline()
     first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
@@ -468,7 +470,7 @@ def find_direct(
     return continue_to(arrays, start, method, heating, found, deadline)
 
 
-def _hold_limit(
+def _extend_limit(
     arrays: MissionArrays,
     start: Record,
     method: str,
@@ -476,16 +478,16 @@ def _hold_limit(
     before: Found,
     deadline: Deadline,
 ) -> Found:
-    """From the limit at the jettison to the limit from the jettison on.
+    """Extend the heating limit from the jettison to the rest of the flight.
 
-    Two ways lead there: a flight that lofts more, and one that keeps the fairing until the
-    later peak of the heating is over. The better one is kept.
+    Two solutions may exist: a more lofted flight, and one that keeps the fairing until the later
+    heating peak has passed. The better one is returned.
 
     Args:
-        arrays, start, method: as :func:`solve_direct`.
+        arrays, start, method: as in :func:`find_direct`.
         splits: further times at which the rate is free, s.
         before: solution with the limit at the jettison.
-        deadline: when to give up.
+        deadline: time limit.
     """
 
     def problem(method: str, heating: Heating, more: Sequence[float] = ()) -> Transcription:
@@ -495,7 +497,7 @@ def _hold_limit(
     found = continue_from(before, path, deadline)
     if found.converged and found.cutoff_s <= before.cutoff_s + _COSTS_NOTHING:
         return found
-    # with every parameter free the late jettison is found from afar
+    # with all parameters free the search converges to a late jettison from a distant guess
     free = problem("direct20", Heating.AT_JETTISON)
     late_guess = _late_drops(carry_over(before, free), free.problem)
     late = run(free, late_guess, math.inf, deadline)
@@ -509,7 +511,7 @@ def _hold_limit(
         found = tightened
     found = _better(found, late)
     if found.converged and method != "jump":
-        # where the limit is touched the primer's rate jumps: let the steering's do so too
+        # the rate of the primer jumps where the limit is active: free that of the steering there
         touched = [t for t, mu in path_peaks(found) if mu > 0.0]
         if touched:
             refined = problem(method, Heating.FROM_JETTISON, touched)
@@ -519,7 +521,7 @@ def _hold_limit(
 
 
 def path_peaks(found: Found) -> list[tuple[float, float]]:
-    """Later peaks of the heating that the limit holds down: (time s, multiplier of the log)."""
+    """Return the later heating peaks at the limit: (time s, multiplier of the log limit)."""
     problem = found.transcription.problem
     if problem.heating != HEATING_FROM_JETTISON or not len(problem.drops):
         return []
@@ -533,7 +535,7 @@ def path_peaks(found: Found) -> list[tuple[float, float]]:
 
 
 def _late_drops(variables: Array, problem: Problem) -> Array:
-    """The same variables with the last drop just before cut-off."""
+    """Return the variables with the last drop just before cut-off."""
     moved = variables.copy()
     moved[drop_column(problem, len(problem.drops) - 1)] = moved[-1] - _LATE / TIME_SCALE
     return moved
@@ -547,12 +549,12 @@ def continue_to(
     base: Found,
     deadline: Deadline,
 ) -> Found:
-    """From the 11-parameter solution to that of a method.
+    """Solve for a method, starting from the 11-parameter solution.
 
     Args:
-        arrays, start, method, heating: as :func:`solve_direct`.
+        arrays, start, method, heating: as in :func:`find_direct`.
         base: converged solution of ``direct11`` with the limit at the jettison (or ignored).
-        deadline: when to give up.
+        deadline: time limit.
     """
     first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
     splits: tuple[float, ...] = ()
@@ -560,7 +562,7 @@ def continue_to(
     if method == "jump":
         found = continue_from(base, transcribe(arrays, start, method, first), deadline)
         if (found.cutoff_s - base.cutoff_s) * base.transcription.flow_kg_s > _JUMP_MAY_COST:
-            # another root of the jump condition, no optimum
+            # another root of the jump condition, not an optimum
             found.end = NO_PROGRESS
     else:
         splits = splits_for(base)
@@ -568,20 +570,20 @@ def continue_to(
             cut = transcribe(arrays, start, method, first, splits=splits)
             found = continue_from(base, cut, deadline)
         if splits and not found.converged:
-            # the cuts are a refinement: better none than no solution
+            # the splits are a refinement: do without them
             splits = ()
             plain = base
             if method != "direct11":
                 plain = continue_from(base, transcribe(arrays, start, method, first), deadline)
             found = _better(found, plain)
     if heating is Heating.FROM_JETTISON and found.converged and found.drop_times_s:
-        found = _hold_limit(arrays, start, method, splits, found, deadline)
+        found = _extend_limit(arrays, start, method, splits, found, deadline)
     found.base_converged = True
     return found
 
 
 def solver_nodes(found: Found) -> Array:
-    """States at the ends of the solver's own steps, shape (k, 8): s, m, m/s, kg."""
+    """Return the states at the ends of the solver's steps, shape (k, 8): s, m, m/s, kg."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
     evaluate(found.variables, problem, scratch, make_point(problem))
@@ -590,20 +592,20 @@ def solver_nodes(found: Found) -> Array:
     nodes[:, 0] = used[:, N_TIME] + problem.start_time
     nodes[:, 1:7] = used[:, N_POSITION : N_POSITION + 6]
     nodes[:, 7] = used[:, N_MASS]
-    # between two events at one instant no state is worth comparing
+    # between two events at one instant the state is not defined
     before = np.diff(nodes[:, 0], prepend=-math.inf) > _SIDE
     after = np.diff(nodes[:, 0], append=math.inf) > _SIDE
     return nodes[before | after]
 
 
 def _profile_at(problem: Problem, cutoff: float, t: float, late: bool) -> tuple[float, float]:
-    """Thrust (N) and mass with every free drop aboard (kg) at a time.
+    """Return thrust, N, and mass with every free drop aboard, kg, at a time.
 
     Args:
         problem: the flight.
         cutoff: s.
         t: s.
-        late: at a boundary, the value after it.
+        late: take the value after a boundary, not before it.
     """
     side = _SIDE if late else -_SIDE
     profile = problem.profile
@@ -629,7 +631,7 @@ def _profile_at(problem: Problem, cutoff: float, t: float, late: bool) -> tuple[
 
 
 def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
-    """Steering law, masses and velocity gain of each piece of the flight."""
+    """Return steering law, masses and velocity gain of each piece of the flight."""
     problem = found.transcription.problem
     laws = steering_laws(found.transcription, found.variables)
     cutoff = found.cutoff_s
@@ -675,7 +677,7 @@ def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
 
 
 def _ramp_gain(problem: Problem, cutoff: float, begin: float, end: float, gone: float) -> float:
-    """Integral of thrust acceleration under a thrust that is not constant, m/s."""
+    """Integrate the thrust acceleration under varying thrust, m/s."""
     half = 0.5 * (end - begin)
     gain = 0.0
     for x, w in zip(*_GAUSS, strict=True):
@@ -689,7 +691,7 @@ def _triple(x: Array) -> tuple[float, float, float]:
 
 
 def jettison_times(found: Found, count: int) -> tuple[float, ...]:
-    """Time of every jettison of the mission, s; nan for what is not dropped in this flight."""
+    """Return the time of every jettison of the mission, s; nan if it does not happen."""
     times = [math.nan] * count
     for j, t in found.transcription.fixed_jettisons:
         if t <= found.cutoff_s:

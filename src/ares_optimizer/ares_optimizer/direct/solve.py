@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direct methods: a mission in, a proven solution or a named reason out."""
+"""Solve a mission by a direct method: a proven solution or a named cause."""
 
 import math
 import time
@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 
 from ares_optimizer.direct.diagnose import (
+    failure_cause,
     held_by_heating,
     propellant_obstacle,
     rescue,
-    why_no_flight,
 )
 from ares_optimizer.direct.multipliers import (
-    Priced,
+    CheckKey,
     heating_jumps,
     least_curvature,
-    prices,
+    limit_sensitivities,
     recover_costates,
 )
 from ares_optimizer.direct.search import (
@@ -48,19 +48,19 @@ from ares_optimizer.solution import (
 )
 
 _SADDLE = -1e-6
-_RESCUE = 0.5  # s, for finding out why there is no solution
-_FLIES = 5.0  # scaled violation above which a failed search has no flight worth showing
+_RESCUE = 0.5  # s, time limit of ``rescue``
+_FLIES = 5.0  # scaled violation above which the flight of a failed search is not returned
 
 
 def guess_from(solution: Solution) -> Guess:
-    """A guess for a direct method out of any solution with steering arcs.
+    """Convert any solution with steering arcs to a guess for a direct method.
 
     Raises:
         OptimizerError: the solution has no steering.
     """
     if not solution.arcs:
         raise OptimizerError("guess: the solution has no steering arcs")
-    # a held burn says nothing of the law that goes on below it
+    # a held burn does not show the law that it overrides
     guided = [arc for arc in solution.arcs if any(arc.direction_rate)] or solution.arcs
     first = guided[0]
     start = solution.arcs[0].start_s
@@ -70,7 +70,7 @@ def guess_from(solution: Solution) -> Guess:
     if math.isfinite(jettison):
         later = [arc for arc in guided if arc.start_s >= jettison - 1e-6]
         arc = later[0] if later else guided[-1]
-        # rates hold for unit directions: bring it to the length that B + A t has by then
+        # rates are for unit directions: scale to the length of B + A t at the jettison
         before = [arc for arc in guided if arc.end_s <= jettison + 1e-6]
         size = 1.0
         for piece in before:
@@ -90,10 +90,10 @@ def guess_from(solution: Solution) -> Guess:
 
 
 def solve_direct(request: Request) -> Solution:
-    """The optimal ascent by a direct method.
+    """Compute the optimal ascent by a direct method.
 
     Raises:
-        OptimizerError: a guess that is none for a direct method.
+        OptimizerError: the guess is of another method.
     """
     arrays, method, deadline = request.arrays, request.method, request.deadline
     guess = guess_from(request.guess) if isinstance(request.guess, Solution) else request.guess
@@ -120,8 +120,8 @@ def solve_direct(request: Request) -> Solution:
     elif deadline.passed:
         cause = OUT_OF_TIME
     else:
-        cause = cause or why_no_flight(arrays, found)
-    # short of its end a search may burn more than the vehicle
+        cause = cause or failure_cause(arrays, found)
+    # a search that ended early may burn more than the vehicle's mass
     flies = found.miss <= _FLIES and found.cutoff_s > start["time"] and found.final[7] > 0.0
     if not flies:
         solution = failed(method, cause, iterations=found.iterations, solve_ms=elapsed)
@@ -144,7 +144,7 @@ def solve_direct(request: Request) -> Solution:
 
 
 def _prove_direct(request: Request, found: Found, solution: Solution) -> Solution:
-    """Verification, constraints with their prices, trajectory and costates."""
+    """Add verification, constraints with sensitivities, trajectory and costates."""
     arrays = request.arrays
     steering = steering_of(solution.arcs)
     boundaries = [arc.start_s for arc in solution.arcs]
@@ -158,7 +158,7 @@ def _prove_direct(request: Request, found: Found, solution: Solution) -> Solutio
         lost = Cause(Status.NOT_OPTIMAL, "the flight falls to the centre of the attraction")
         return replace(solution, **lost._asdict(), constraints=checks)
     if found.converged:
-        checks = _with_prices(checks, prices(found, flight))
+        checks = _with_sensitivities(checks, limit_sensitivities(found, flight))
         curvature = least_curvature(found)
         costates = recover_costates(arrays, found, flight, steering)
         offsets = held_offsets(arrays, flight, steering, costates)
@@ -177,14 +177,16 @@ def _prove_direct(request: Request, found: Found, solution: Solution) -> Solutio
     return replace(solution, constraints=checks)
 
 
-def _with_prices(
-    checks: tuple[ConstraintCheck, ...], worth: Mapping[Priced, float]
+def _with_sensitivities(
+    checks: tuple[ConstraintCheck, ...], sensitivities: Mapping[CheckKey, float]
 ) -> tuple[ConstraintCheck, ...]:
-    """The constraint table with kg of final mass per unit of each limit."""
+    """Return the constraint table with kg of final mass per unit of each limit."""
     return tuple(
         replace(
             check,
-            multiplier=worth.get((check.key, check.jettison), math.nan) if check.active else 0.0,
+            multiplier=sensitivities.get((check.key, check.jettison), math.nan)
+            if check.active
+            else 0.0,
         )
         for check in checks
     )

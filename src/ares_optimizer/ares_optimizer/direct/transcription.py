@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a mission to the finite problem that the direct methods solve.
+"""Transcribe a mission to the finite problem of the direct methods.
 
-One linear-tangent law (Eq. 3.36) per piece of the flight, its rate free or continuous at
-each boundary; one direction per burn in held attitude, after which the law goes on. For two
-stages and one heating-limited jettison these are the thesis' 11, 14 and 20 parameters.
+One linear-tangent law (Eq. 3.36) per piece of the flight, its rate free or continuous at each
+boundary; one direction per burn in held attitude, after which the law continues. Two stages and
+one heating-limited jettison give the thesis' 11, 14 and 20 parameters.
 """
 
 import math
@@ -50,22 +50,22 @@ from ares_optimizer.solution import OptimizerError, UnfitMethod
 
 Array = NDArray[np.float64]
 
-#: Longest integration step, s. Order 6: positions are good to 0.05 m, the mass to 1e-3 kg.
+#: Longest integration step, s. At order 6 the error is 0.05 m in position, 1e-3 kg in mass.
 LONGEST_STEP = 20.0
-#: Fixed-time boundaries closer than this to another one begin no law of their own, s.
+#: Least length of a law between boundaries at fixed times, s.
 SHORTEST_LAW = 40.0
 _FAR = 1.0e7  # a cut-off beyond every event, s
 _SHORTEST_BURN = 0.05  # of the last arc, s
-_USABLE = 0.97  # of the last stack, where the search ends; propellant is judged afterwards
+_USABLE = 0.97  # fraction of the last stack that the search may burn; propellant is checked later
 
 
 @dataclass(frozen=True)
 class Transcription:
-    """A finite problem and what its variables mean.
+    """Hold a finite problem and the meaning of its variables.
 
     Attributes:
         problem: for the compiled solver.
-        heating_jettisons: index into the mission's jettisons, per free drop.
+        heating_jettisons: index into the mission's jettisons of each free drop.
         fixed_jettisons: (index, time s) of the drops at known times.
         depletion_s: cut-off time at which the last stage's propellant is spent.
         flow_kg_s: full mass flow of the last arc.
@@ -81,7 +81,7 @@ class Transcription:
 def _sequence(
     arrays: MissionArrays, start: Record, heating: Heating
 ) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Pieces of the thrust profile up to cut-off and after it, free drops still aboard."""
+    """Return the thrust profile up to cut-off and after it, free drops still aboard."""
     segments = np.zeros(MAX_SEGMENTS, SEGMENT)
     count = build_timetable(
         start,
@@ -116,7 +116,7 @@ def _profile(main: NDArray[np.void]) -> Array:
 
 
 def _tail(after: NDArray[np.void]) -> Array:
-    """Pieces after cut-off, as ``Problem.tail``; the last row is the end of thrust."""
+    """Return the pieces after cut-off, as ``Problem.tail``; the last row is the end of thrust."""
     tail = np.zeros((len(after) + 1 if len(after) else 0, 5))
     tail[:-1, P_TIME] = after["start"] - _FAR
     tail[:-1, P_THRUST] = after["thrust"]
@@ -131,7 +131,7 @@ def _tail(after: NDArray[np.void]) -> Array:
 def _jettisons(
     arrays: MissionArrays, start: Record, heating: Heating, ignitions: Sequence[float]
 ) -> tuple[list[int], list[tuple[int, float]]]:
-    """Drops whose time is free, that of the greatest limit first, and (index, time s) of others."""
+    """Return the drops with free time, greatest limit first, and (index, time s) of others."""
     now = float(start["time"])
     free = []
     fixed = []
@@ -148,13 +148,13 @@ def _jettisons(
             fixed.append((j, max(now, ignition)))
         else:
             free.append(j)
-    # the greater limit is met first
+    # the greater limit is reached first
     free.sort(key=lambda j: -float(arrays.jettisons[j]["value"]))
     return free, fixed
 
 
 def _depletion(arrays: MissionArrays, start: Record, main: NDArray[np.void]) -> float:
-    """Cut-off time at which the last stage's propellant is spent, s."""
+    """Return the cut-off time at which the last stage's propellant is spent, s."""
     arcs = arrays.arcs
     last = arcs[-1]
     used = 0.0
@@ -168,12 +168,12 @@ def _depletion(arrays: MissionArrays, start: Record, main: NDArray[np.void]) -> 
 
 
 def _boundaries(start_time: float, wanted: Iterable[float], fixed: Iterable[float]) -> list[float]:
-    """Times at which a law begins, none closer than SHORTEST_LAW to the one before.
+    """Return the times at which laws begin, at least SHORTEST_LAW apart.
 
     Args:
         start_time: s.
-        wanted: s, kept whatever they are close to.
-        fixed: s, kept where there is room.
+        wanted: s, always kept.
+        fixed: s, kept where no other boundary is closer than SHORTEST_LAW.
     """
     times = sorted({time for time in wanted if start_time < time < math.inf})
     for time in sorted(fixed):
@@ -185,7 +185,7 @@ def _boundaries(start_time: float, wanted: Iterable[float], fixed: Iterable[floa
 def _laws(
     method: str, start_time: float, boundaries: list[float], drops: int
 ) -> tuple[NDArray[np.int64], Array, int]:
-    """Where each steering law begins and which of its parameters are variables.
+    """Lay out the steering laws: where each begins and which of its parameters are variables.
 
     Returns:
         ``Problem.laws``, ``Problem.law_time`` and the number of variables taken.
@@ -211,7 +211,7 @@ def _laws(
 
 
 def _held(main: NDArray[np.void], column: int) -> tuple[NDArray[np.int64], Array]:
-    """``Problem.held``, from ``column`` on, and ``Problem.held_time``."""
+    """Return ``Problem.held``, from ``column`` on, and ``Problem.held_time``."""
     times = []
     for number in range(1, int(main["held"].max()) + 1):
         pieces = main[main["held"] == number]
@@ -223,7 +223,10 @@ def _held(main: NDArray[np.void], column: int) -> tuple[NDArray[np.int64], Array
 
 
 def _guiding(start_time: float, boundaries: list[float], main: NDArray[np.void]) -> list[float]:
-    """Boundaries without those of laws that would steer no thrust, where burns are held."""
+    """Return the boundaries without those of laws that steer no thrust.
+
+    Such laws exist only where burns are in held attitude.
+    """
     if not main["held"].any():
         return boundaries
     guided = main[(main["held"] == 0) & (main["flow"] + main["flow_slope"] > 0.0)]
@@ -255,12 +258,12 @@ def transcribe(
         start: record NAVIGATION: time, position, velocity, mass (0: that of the stack),
             arc, arc_start_time, jettisoned.
         method: ``direct11``, ``direct14``, ``direct20`` or ``jump``.
-        heating: what the heating limit asks.
-        longest_step: of the integration, s.
+        heating: where the heating limit holds.
+        longest_step: longest integration step, s.
         splits: further times at which the rate is free, s.
 
     Raises:
-        OptimizerError: no flight can be laid out from this start.
+        OptimizerError: no timetable exists from this start.
         UnfitMethod: the last burn is a solid motor.
     """
     arcs = arrays.arcs

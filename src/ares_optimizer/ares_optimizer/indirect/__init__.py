@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimum as the root of a two-point problem."""
+"""Solve for the optimum as the root of a two-point problem."""

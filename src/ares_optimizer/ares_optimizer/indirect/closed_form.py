@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The closed form beside the exact flight: errors of linear gravity, measured."""
+"""Measure the errors of linear gravity: the closed form against the exact flight."""
 
 import math
 from dataclasses import dataclass, replace
@@ -24,14 +24,14 @@ _SUBSTEP_S = 1.0
 
 @dataclass(frozen=True)
 class ArcError:
-    """End of a flight in closed form against the exact flight of the same steering.
+    """Hold the end of a flight in closed form minus that of the exact flight.
 
     Attributes:
         arc_length_s: longest arc.
-        rule: of the thrust integrals.
-        correction: rest of gravity given as impulses.
-        position_m: distance of the ends.
-        velocity_m_s: difference of the velocities there.
+        rule: quadrature of the thrust integrals.
+        correction: true if the nonlinear part of gravity is applied as impulses.
+        position_m: distance of the end points.
+        velocity_m_s: size of the difference of the velocities.
     """
 
     arc_length_s: float
@@ -48,38 +48,38 @@ def flight_errors(
     options: TwoPointOptions,
     burn: int | None = None,
 ) -> ArcError:
-    """Fly a two-point problem's unknowns in closed form, and its steering exactly beside it.
+    """Fly unknowns in closed form, and the same steering in the exact field.
 
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
         unknowns: shape (7 + 2 drops,), see ``solver.Root``.
-        options: arcs and rule of the closed form; where the heating limit holds.
-        burn: arc of the mission to compare on, both flights from the same state at its start;
+        options: arcs and rule of the closed form; ``heating``.
+        burn: arc of the mission on which the flights are compared, from one state at its start;
             None: the whole flight.
 
     Raises:
-        OptimizerError: the times make no flight.
+        OptimizerError: the times are not possible.
     """
     closed = replace(options, propagator="closed_form").record()
     closed["step"] = _SUBSTEP_S
     exactly = replace(options, propagator="runge_kutta", step_s=_SUBSTEP_S).record()
     work = np.zeros(1, WORK)
-    room = np.zeros(MAX_UNKNOWNS)
-    room[: unknowns.size] = unknowns
-    field = begin_flight(start[0], arrays.records(), exactly[0], room, work[0])
+    padded = np.zeros(MAX_UNKNOWNS)
+    padded[: unknowns.size] = unknowns
+    field = begin_flight(start[0], arrays.records(), exactly[0], padded, work[0])
     state = work["state"][0]
     exact = state[:6].copy()
     count = int(work["segment_count"][0])
     if count == 0:
-        raise OptimizerError("the times make no flight")
+        raise OptimizerError("no flight is possible with these times")
     for segment in work["segments"][0, :count]:
         length = float(segment["end"] - segment["start"])
         if burn is None or segment["arc"] == burn:
             parts = max(1, math.ceil(length / options.arc_length_s - 1e-9))
             exact_beside(segment, parts, field, closed[0], exact, work[0])
         elif segment["arc"] < burn:
-            # on the way there, the two-point problem's own flight
+            # before that arc, the exact flight of the two-point problem
             fly_segment(segment, max(1, math.ceil(length)), field, exactly[0], work[0])
             exact[:] = state[:6]
         if segment["end_heating"] >= 0 and options.heating is Heating.AT_JETTISON:

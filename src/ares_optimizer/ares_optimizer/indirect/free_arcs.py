@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two-point problem with free arcs, from the mission alone.
+"""Solve the two-point problem with free arcs, from the mission alone.
 
-With its free arcs held at given lengths a flight is an ordinary one, and the solver's own
-guesses lead to it; let go, the arcs find their lengths. In orbit, where long coasts lead
-those guesses astray, the thrust along the velocity and turning with it is the guess. Several
-lengths are tried, and the best extremal that is a minimum is taken.
+With the free arcs held at given lengths, the built-in guesses find a root; from there the arcs are
+released. In orbit, where those guesses fail after long coasts, a primer along the velocity is the
+guess. Several lengths are tried, and the best extremal that is a minimum is returned.
 """
 
 import math
@@ -20,33 +19,33 @@ from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
 from ares_optimizer.two_point.arrays import HELD, LAMBDA_R, NOT_HELD, PRIMER
 from ares_optimizer.two_point.kernels.tangential import (
-    carried_back,
     next_ignition,
+    propagated_back,
     tangential_primer,
 )
 
 Array = NDArray[np.float64]
 
 _MOST_TRIALS = 25
-#: A best root that was met so often is believed, after so many trials.
+#: The search ends when the best root was found again so often, after so many trials.
 _ENOUGH = 4
 _LEAST_TRIALS = 8
-#: Of one start, with lengths free and with all held.
+#: Iterations of one start, with lengths free and with all held.
 _ITERATIONS = 30
 _ITERATIONS_HELD = 50
-#: First lengths of the last burn, of its longest.
+#: Initial lengths of the last burn, fractions of its longest.
 _BURNT = 0.5
 _NEARLY_BURNT = 0.85
-#: Move of a length that must not save propellant, s, and as part of it.
+#: Perturbation of a length in the test for a minimum, s, and relative.
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
 _SAME_KG = 1e-4
-#: Of the last stage's propellant: where so little is taken, there is a way to take nothing.
+#: Fraction of the last stage's propellant, below which a flight without free burns exists.
 _NEXT_TO_NOTHING = 1e-2
-#: Of the last burn, s: so little is as good as nothing, and less is none to solve for.
+#: Negligible propellant, as a time of the last burn, s; shorter burns are not solved for.
 _NOTHING_S = 0.05
-_DESCENTS = 40  # flights on one way downhill
-#: Of lengths on the way downhill, s, and the part of the expected gain that a step must bring.
+_DESCENTS = 40  # most flights of one descent
+#: Steps of a descent, s, and least ratio of gain to expected gain.
 _FIRST_STEP = 50.0
 _LONGEST_STEP = 400.0
 _LAST_STEP = 1e-2
@@ -56,14 +55,14 @@ _TINY = 1e-300
 
 @dataclass
 class _Search:
-    """The best root so far, and the work that went into all of them.
+    """Hold the best root so far, and the work of all searches.
 
     Attributes:
         solver, start: of the mission.
-        best: the root that takes least, and is a minimum.
-        last: that of the last start.
-        vanishes: flights that take next to nothing were met.
-        again: how often the best was met once more.
+        best: the root with the least propellant that is a minimum.
+        last: the last root tried.
+        vanishes: true if a flight with negligible propellant was found.
+        again: number of times that the best was found again.
         iterations, restarts: of all starts.
     """
 
@@ -76,60 +75,65 @@ class _Search:
     iterations: int = 0
     restarts: int = 0
 
-    def take(self, root: Root) -> Root:
-        """Count a root's work."""
+    def count_work(self, root: Root) -> Root:
+        """Add the work of a root to the totals; return the root."""
         self.iterations += root.iterations
         self.restarts += root.restarts + 1
         return root
 
     def release(self, root: Root) -> None:
-        """Let the arcs of a root go; keep what becomes of it, if it is the best."""
+        """Release the arcs of a root, solve again, and keep the result if it is the best."""
         self.solver.hold(self.start, {})
-        self.solver.press(self.start, root.lengths)
-        self.consider(self.take(self.solver.solve(self.start, root.unknowns, restart=False)))
+        self.solver.hold_at_bounds(self.start, root.lengths)
+        self.keep_if_best(
+            self.count_work(self.solver.solve(self.start, root.unknowns, restart=False))
+        )
 
-    def consider(self, root: Root) -> None:
+    def keep_if_best(self, root: Root) -> None:
         """Keep a root if it is the best."""
         self.last = root
         if not root.converged:
             return
-        if self.beats(root):
-            if is_least(self.solver, self.start, root):
+        if self.is_better(root):
+            if is_minimum(self.solver, self.start, root):
                 self.best = root
                 self.again = 0
-        elif self.best is not None and abs(root.taken_kg - self.best.taken_kg) < _SAME_KG:
+        elif self.best is not None and abs(root.propellant_kg - self.best.propellant_kg) < _SAME_KG:
             self.again += 1
 
-    def beats(self, root: Root) -> bool:
-        """Whether a root takes less than the best so far, or that alone dips below the ground."""
+    def is_better(self, root: Root) -> bool:
+        """Return true if a root is better than the best so far.
+
+        A root above ground is better than one below; otherwise the one with less propellant.
+        """
         if self.best is None:
             return True
-        dips, best_dips = self.dips(root), self.dips(self.best)
-        if dips != best_dips:
-            return best_dips
-        return root.taken_kg < self.best.taken_kg - _SAME_KG
+        below, best_is_below = self.is_below_ground(root), self.is_below_ground(self.best)
+        if below != best_is_below:
+            return best_is_below
+        return root.propellant_kg < self.best.propellant_kg - _SAME_KG
 
-    def dips(self, root: Root) -> bool:
-        """Whether a flight goes below the ground: shown only where no other is found."""
+    def is_below_ground(self, root: Root) -> bool:
+        """Return true if a flight goes below the ground; kept only if no other is found."""
         return root.lowest_m < float(self.solver.arrays.environment[0]["polar_radius"])
 
     def descend(self, root: Root, held: Mapping[int, float]) -> None:
-        """From a flight of held lengths that beats the best: downhill, then let go."""
+        """Descend from a flight of held lengths, then release the arcs."""
         little = _NEXT_TO_NOTHING * float(self.solver.arrays.arcs[-1]["propellant"])
         there = self.downhill(root, held, little)
         if not there.converged:
             return
-        if there.taken_kg >= little:
+        if there.propellant_kg >= little:
             self.release(there)
-        elif self.beats(there) and not self.dips(there):
+        elif self.is_better(there) and not self.is_below_ground(there):
             self.vanishes = True
             self.best = there
 
     def downhill(self, root: Root, held: Mapping[int, float], enough_kg: float) -> Root:
-        """From a flight of held lengths to one that takes least, or hardly enough.
+        """Reduce the propellant of a flight of held lengths, down to ``enough_kg``.
 
-        The gradient of what is taken is the worth of a second of each arc. Quasi-Newton steps
-        (BFGS) between the bounds, no longer than flights follow one another.
+        The gradient is the switching function of each arc. Quasi-Newton steps (BFGS) stay between
+        the bounds and within a trust region, so that each root is found from the one before.
         """
         names = list(held)
         bounds = length_bounds(self.solver.arrays, self.start[0])
@@ -139,18 +143,18 @@ class _Search:
         radius = _FIRST_STEP
         inverse = np.zeros((x.size, x.size))
         for _ in range(_DESCENTS):
-            if not there.converged or there.taken_kg < enough_kg:
+            if not there.converged or there.propellant_kg < enough_kg:
                 break
             free = ~((x <= low) & (slope > 0.0) | (x >= high) & (slope < 0.0))
             step = _step_down(inverse, slope, free, radius)
             moved = np.clip(x + step, low, high) - x
-            # where nothing is taken there is no flight to go on from
-            beyond = there.taken_kg - 0.8 * enough_kg
+            # without propellant there is no root to continue from
+            beyond = there.propellant_kg - 0.8 * enough_kg
             moved *= min(1.0, beyond / max(-float(slope @ moved), _TINY))
             if not np.abs(moved).max(initial=0.0) > _LAST_STEP:
                 break
             further, next_slope = self._held(there, names, x + moved)
-            gain = there.taken_kg - further.taken_kg
+            gain = there.propellant_kg - further.propellant_kg
             if not further.converged or gain < _ARMIJO * -float(slope @ moved):
                 radius = 0.25 * float(np.abs(moved).max())
                 continue
@@ -160,15 +164,15 @@ class _Search:
         return there
 
     def _held(self, root: Root, names: list[int], x: Array) -> tuple[Root, Array]:
-        """The flight with arcs held, and the slope of what it takes, kg/s."""
+        """Solve with arcs held; return the root and the gradient of the propellant, kg/s."""
         solver, start = self.solver, self.start
         solver.hold(start, dict(zip(names, x, strict=True)))
-        there = self.take(solver.solve(start, root.unknowns, restart=False))
+        there = self.count_work(solver.solve(start, root.unknowns, restart=False))
         return there, -solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
 
 
 def _step_down(inverse: Array, slope: Array, free: NDArray[np.bool_], radius: float) -> Array:
-    """Quasi-Newton step along the free lengths, no longer than a radius."""
+    """Return the quasi-Newton step along the free lengths, within a radius."""
     step = np.where(free, -(inverse @ np.where(free, slope, 0.0)), 0.0)
     if not step @ slope < 0.0:
         step = np.where(free, -slope, 0.0)
@@ -178,7 +182,7 @@ def _step_down(inverse: Array, slope: Array, free: NDArray[np.bool_], radius: fl
 
 
 def _updated(inverse: Array, moved: Array, change: Array) -> Array:
-    """Inverse Hessian by BFGS; as it was where the curvature is not positive."""
+    """Update the inverse Hessian by BFGS; reset it where the curvature is not positive."""
     curvature = float(moved @ change)
     if curvature <= 0.0:
         return np.zeros_like(inverse)
@@ -191,13 +195,13 @@ def _updated(inverse: Array, moved: Array, change: Array) -> Array:
 def unknowns_of(
     solver: TwoPointSolver, start: NDArray[np.void], lengths: Array, last: float
 ) -> Array:
-    """Unknowns with the times of arcs of given lengths; costates zero.
+    """Return unknowns with the times of arcs of given lengths; costates zero.
 
     Args:
         solver: of the mission.
         start: shape (1,), dtype NAVIGATION.
-        lengths: s, of the free arcs.
-        last: s, of the last one.
+        lengths: of the free arcs, s.
+        last: length of the last arc, s.
     """
     arcs = solver.arrays.arcs
     free = free_arcs(solver.arrays, start[0])
@@ -217,7 +221,7 @@ def unknowns_of(
 
 
 def lengths_of(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
-    """Lengths of the free arcs that unknowns have, s: the reverse of :func:`unknowns_of`."""
+    """Return the lengths of the free arcs, s, from unknowns: inverse of :func:`unknowns_of`."""
     arcs = solver.arrays.arcs
     free = free_arcs(solver.arrays, start[0])
     ends = unknowns[solver.ends(start)]
@@ -233,11 +237,11 @@ def lengths_of(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array)
 
 
 def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
-    """The same with thrust along the velocity at the next ignition, turning with it."""
+    """Set the costates to thrust along the velocity at the next ignition."""
     records = solver.arrays.records()
     ignition = next_ignition(start[0], records, unknowns[solver.ends(start)])
     there = tangential_primer(start[0], records, ignition)
-    primer, rate = carried_back(start[0], records, ignition, there)
+    primer, rate = propagated_back(start[0], records, ignition, there)
     out = unknowns.copy()
     out[PRIMER] = primer
     out[LAMBDA_R] = [-component for component in rate]
@@ -247,7 +251,7 @@ def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Ar
 def find_planned(
     solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None = None
 ) -> Root:
-    """The best root, with all free arcs at their best lengths.
+    """Find the best root, with all free arcs at their optimal lengths.
 
     Args:
         solver: of the mission.
@@ -255,15 +259,15 @@ def find_planned(
         guess: unknowns to try first; None: none.
 
     Returns:
-        the root that takes the least propellant, else the last one tried, not converged. Arcs
-        that it holds at a bound, or all where next to nothing is taken, are held afterwards.
+        the root with the least propellant, else the last one tried, not converged. Its arcs at a
+        bound stay held afterwards; all of them if the propellant is negligible.
     """
     search = _Search(solver, start)
     whole = int(solver.options["max_iterations"][0])
     solver.options["max_iterations"] = _ITERATIONS
     try:
         if guess is not None:
-            search.consider(search.take(solver.solve(start, guess, restart=False)))
+            search.keep_if_best(search.count_work(solver.solve(start, guess, restart=False)))
             _from_held(search, lengths_of(solver, start, guess), guess)
         for trial, lengths in enumerate(trial_lengths(solver.arrays, start)):
             if trial == _MOST_TRIALS or search.vanishes or solver.deadline.passed:
@@ -275,7 +279,7 @@ def find_planned(
         solver.options["max_iterations"] = whole
     root = search.best or search.last
     if root is not None:
-        # what is held stays so when the root is made finer
+        # these arcs stay held when the root is refined
         held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold != NOT_HELD}
         solver.hold(start, held)
     if root is None:
@@ -283,10 +287,10 @@ def find_planned(
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
 
 
-def made_finer(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Root:
-    """A root of :func:`find_planned` on the solver's present grid.
+def refine_planned(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Root:
+    """Refine a root of :func:`find_planned` on the current grid of the solver.
 
-    One that takes next to nothing goes on downhill, to a flight that takes nothing to speak of.
+    A root with little propellant is followed downhill until the propellant is negligible.
     """
     held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold == HELD}
     if not held:
@@ -294,64 +298,65 @@ def made_finer(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> R
     search = _Search(solver, start)
     nothing = _NOTHING_S * float(solver.arrays.arcs[-1]["mass_flow"])
     there = search.downhill(root, held, nothing)
-    if there.converged and there.taken_kg >= nothing:
+    if there.converged and there.propellant_kg >= nothing:
         search.release(there)
     found = search.best or there
     return replace(found, iterations=search.iterations, restarts=search.restarts)
 
 
 def _try(search: _Search, lengths: Array) -> None:
-    """From one set of lengths: held first, and along the velocity at once."""
+    """Try one set of lengths: held first, then free from a primer along the velocity."""
     solver, start = search.solver, search.start
     longest = _longest_last(solver)
     _from_held(search, lengths)
     solver.hold(start, {})
-    # from an orbit most is burnt at the end, in one go
+    # from an orbit the last burn is the longest
     orbits = solver.arrays.arcs[int(start["arc"][0])]["kind"] == COAST
     for part in (_BURNT, _NEARLY_BURNT) if orbits else (_BURNT,):
         unknowns = unknowns_of(solver, start, lengths, part * longest)
         ahead = along_velocity(solver, start, unknowns)
-        search.consider(search.take(solver.solve(start, ahead, restart=False)))
+        search.keep_if_best(search.count_work(solver.solve(start, ahead, restart=False)))
 
 
 def _from_held(search: _Search, lengths: Array, guess: Array | None = None) -> None:
-    """From flights of held lengths, by a guess or by the solver's own; then let go, or downhill."""
+    """Search from held lengths, by a guess or the built-in guesses; release or descend."""
     solver, start = search.solver, search.start
     times = unknowns_of(solver, start, lengths, _BURNT * _longest_last(solver))
     held = dict(enumerate(lengths))
     if math.isfinite(solver.arrays.arcs[-1]["duration"]):
-        # one burn has to pay
+        # one burn must stay free to determine the price of propellant
         held.pop(_last_free_burn(solver, start))
     solver.hold(start, held)
     fewer = int(solver.options["max_iterations"][0])
     solver.options["max_iterations"] = _ITERATIONS_HELD
-    root = search.take(solver.solve(start, guess, times=times, restart=guess is None))
+    root = search.count_work(solver.solve(start, guess, times=times, restart=guess is None))
     solver.options["max_iterations"] = fewer
     if root.converged:
         search.release(root)
-        if search.beats(root) and not search.vanishes:
+        if search.is_better(root) and not search.vanishes:
             search.descend(root, held)
 
 
 def _last_free_burn(solver: TwoPointSolver, start: NDArray[np.void]) -> int:
-    """Index of the last free burn among the free arcs."""
+    """Return the index of the last free burn among the free arcs."""
     arcs = solver.arrays.arcs
     free = free_arcs(solver.arrays, start[0])
     return max(f for f, k in enumerate(free) if arcs[k]["kind"] == BURN)
 
 
 def _longest_last(solver: TwoPointSolver) -> float:
-    """Longest length of the last burn, s."""
+    """Return the longest possible length of the last burn, s."""
     last = solver.arrays.arcs[-1]
     if math.isfinite(last["duration"]):
         return float(last["duration"])
     return longest_burn(solver.arrays, len(solver.arrays.arcs) - 1)
 
 
-def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> bool:
-    """Whether no free arc, a little longer or shorter, would save propellant.
+def is_minimum(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> bool:
+    """Return true if no free arc would save propellant a little longer or shorter.
 
-    The other arcs are free to follow. An arc that is held at a bound is known to press on it.
+    The other arcs stay free. Arcs held at a bound are not tested: their multiplier has the right
+    sign.
     """
     arrays = solver.arrays
     free = free_arcs(arrays, start[0])
@@ -366,7 +371,7 @@ def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> boo
                 continue
             solver.hold(start, {f: moved})
             beside = solver.solve(start, root.unknowns, restart=False)
-            if beside.converged and beside.taken_kg < root.taken_kg - _SAME_KG:
+            if beside.converged and beside.propellant_kg < root.propellant_kg - _SAME_KG:
                 solver.hold(start, {})
                 return False
     solver.hold(start, {})

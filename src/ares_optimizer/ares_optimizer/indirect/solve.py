@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The indirect method: the optimum as the root of a two-point problem.
+"""Solve for the optimum by the indirect method, as the root of a two-point problem.
 
-Costates of Eqs. 3.15-3.21 under inverse-square or linear gravity, thrust along lambda_v,
-the interior condition of Eqs. 3.44-3.51 with what it lacks in print, reduced
-transversality for what the target leaves free. The kernels do the work
-(``kernels/search.py``); here a mission goes in and a :class:`Solution` comes out.
+Costates follow Eqs. 3.15-3.21 under inverse-square or linear gravity, thrust is along lambda_v, the
+interior condition is that of Eqs. 3.44-3.51 with the term that the print lacks, and reduced
+transversality covers the free elements of the target. The kernels (``two_point/kernels``) solve;
+this module converts a mission to their input and their result to a :class:`Solution`.
 """
 
 import math
@@ -26,7 +26,7 @@ from ares_models.arrays import (
 from ares_models.judge import judge
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
-from ares_optimizer.indirect.free_arcs import find_planned, lengths_of, made_finer
+from ares_optimizer.indirect.free_arcs import find_planned, lengths_of, refine_planned
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
     Guess,
@@ -39,11 +39,11 @@ from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
-from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
 from ares_optimizer.request import Heating, Request
+from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     OPTIMAL,
     OUT_OF_TIME,
@@ -74,15 +74,15 @@ Array = NDArray[np.float64]
 
 
 _SAME_LENGTH = 1e-3  # s
-_NODE_STRIDE = 10  # of the samples that the verification compares
-_SHORT_KG = 0.1  # of propellant, to count
+_NODE_STRIDE = 10  # the verification compares every tenth sample
+_SHORT_KG = 0.1  # least shortfall of propellant that is reported
 _SEARCH_STEP_S = 40.0
-_LEAST_STEPS = 16  # of a flight, however short
-# continuation: first part of the whole, most parts, factor on the limits to begin with
+_LEAST_STEPS = 16  # in a flight
+# continuation: first fraction, most steps, initial factor on the heating limits
 _FIRST_PART = 0.1
 _MOST_PARTS = 60
 _HIGHEST_LIMIT = 1e4
-_OPEN = 0.1  # eccentricity from which an orbit is no circle
+_OPEN = 0.1  # initial eccentricity of the continuation to a nearly circular orbit
 
 
 _CAUSES = {
@@ -93,14 +93,14 @@ _CAUSES = {
         Status.STALLED, "no step of Newton's method brings the flight nearer to its target"
     ),
     newton.SINGULAR: Cause(Status.STALLED, "the Jacobian of the two-point problem is singular"),
-    newton.AT_FLOOR: Cause(Status.STALLED, "a heating limit is passed when its drop is due"),
+    newton.AT_FLOOR: Cause(Status.STALLED, "a heating limit is exceeded when its jettison is due"),
     newton.STOPPED: OUT_OF_TIME,
     newton.AT_BOUND: Cause(
         Status.STALLED, "a free arc goes from one bound of its length to another"
     ),
     newton.UNSOUND: Cause(
         Status.NOT_OPTIMAL,
-        "the root found is no flight: underground, or burning longer would cost less",
+        "the root found is not a flight: below ground, or a longer burn would cost less",
     ),
 }
 
@@ -115,27 +115,27 @@ def solve_indirect(
     deadline: Deadline | None = None,
     verify: bool = True,
 ) -> Solution:
-    """The optimal ascent by the indirect method.
+    """Compute the optimal ascent by the indirect method.
 
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
-        options: what is solved, and how finely.
+        options: physical model and step sizes.
         guess: an :class:`IndirectGuess`, an earlier solution of this method, or its parameters,
-            shape (7 + 2 drops,); None for the solver's own. When a guess leads to a root, the
-            solver's own start is tried too and the better of both is kept.
-        finish: under inverse-square gravity, lead the closed form's root to the exact one by
-            Runge-Kutta; what the closed form came to is in ``notes``.
-        deadline: at which the search ends; None: no limit.
+            shape (7 + 2 drops,); None: the built-in guesses. When a guess leads to a root, the
+            built-in guesses are tried too and the better root is kept.
+        finish: under inverse-square gravity, refine the root of the closed form to the exact one
+            by Runge-Kutta; the result of the closed form is in ``notes``.
+        deadline: time limit; None: no limit.
         verify: fly the solution again and fill ``verification``, ``constraints``,
-            ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
+            ``trajectory`` and ``costates``. Without it ``converged`` is not verified.
 
     Returns:
-        the solution; its ``costates`` are sampled, and ``hamiltonian_spread`` has one entry per
-        piece of constant thrust, with the mass costate's part in the Hamiltonian.
+        the solution with sampled ``costates``. ``hamiltonian_spread`` has one entry per piece of
+        constant thrust and includes the mass costate term.
 
     Raises:
-        OptimizerError: a guess or mission that the method cannot take.
+        OptimizerError: the guess or the mission is not valid for this method.
     """
     options = options or TwoPointOptions()
     method = "closed_form" if options.in_closed_form else "indirect"
@@ -146,19 +146,21 @@ def solve_indirect(
     if cause is None and solver.deadline.passed:
         cause = OUT_OF_TIME
     if cause is not None:
-        return failed(method, cause, solve_ms=_since(began))
+        return failed(method, cause, solve_ms=_elapsed_ms(began))
     root = _find(solver, start, unknowns)
     notes: dict[str, float] = {}
     if root.converged and options.in_closed_form and options.gravity == "inverse_square":
-        fine = TwoPointOptions(heating=options.heating, step_s=_fine(options.step_s, start, root))
+        fine = TwoPointOptions(
+            heating=options.heating, step_s=_final_step(options.step_s, start, root)
+        )
         notes = _closed_form_notes(solver, start, root, options)
         if finish:
             solver = TwoPointSolver(arrays, fine, solver.deadline)
-            root = _added(solver.solve(start, root.unknowns), root, 0)
-    elapsed = _since(began)
+            root = _with_work_of(solver.solve(start, root.unknowns), root, 0)
+    elapsed = _elapsed_ms(began)
     if not root.converged:
         late = solver.deadline.passed
-        cause = OUT_OF_TIME if late else _why_not(solver, start, root)
+        cause = OUT_OF_TIME if late else _failure_cause(solver, start, root)
         return replace(
             failed(method, cause, iterations=root.iterations),
             solve_ms=elapsed,
@@ -166,18 +168,18 @@ def solve_indirect(
             restarts=root.restarts,
         )
     solution = _solution(method, solver, start, root, elapsed, notes)
-    return _proven(solver, start, root, solution) if verify else solution
+    return _verified(solver, start, root, solution) if verify else solution
 
 
-def polished(request: Request, unknowns: Array) -> Solution:
-    """Lead unknowns that are near a root to it, and try nothing else.
+def refine_root(request: Request, unknowns: Array) -> Solution:
+    """Refine unknowns near a root by Newton's method, without any other search.
 
     Args:
-        request: as the indirect method is asked.
+        request: request for the indirect method.
         unknowns: shape (n,), see :attr:`ares_optimizer.indirect.solver.Root.unknowns`.
 
     Raises:
-        OptimizerError: a mission that the method cannot take.
+        OptimizerError: the mission is not valid for this method.
     """
     began = time.perf_counter()
     start = request.state
@@ -185,22 +187,22 @@ def polished(request: Request, unknowns: Array) -> Solution:
     solver = TwoPointSolver(request.arrays, options, request.deadline)
     _as_unknowns(unknowns, solver, start)
     if solver.plans_arcs(start):
-        solver.press(start, lengths_of(solver, start, unknowns))
+        solver.hold_at_bounds(start, lengths_of(solver, start, unknowns))
     root = solver.solve(start, unknowns, restart=False)
     if root.converged:
-        fine = _fine(float(solver.options["step"][0]), start, root)
+        fine = _final_step(float(solver.options["step"][0]), start, root)
         if fine < float(solver.options["step"][0]):
             solver.options["step"] = fine
-            root = _added(solver.solve(start, root.unknowns, restart=False), root, 0)
-    elapsed = _since(began)
+            root = _with_work_of(solver.solve(start, root.unknowns, restart=False), root, 0)
+    elapsed = _elapsed_ms(began)
     if not root.converged:
         return failed("indirect", _CAUSES[root.status], iterations=root.iterations)
     solution = _solution("indirect", solver, start, root, elapsed, {})
-    return _proven(solver, start, root, solution) if request.verify else solution
+    return _verified(solver, start, root, solution) if request.verify else solution
 
 
-def _since(began: float) -> float:
-    """ms since ``began``."""
+def _elapsed_ms(began: float) -> float:
+    """Return the time since ``began``, ms."""
     return 1e3 * (time.perf_counter() - began)
 
 
@@ -210,7 +212,7 @@ def _as_unknowns(guess: Guess, solver: TwoPointSolver, start: NDArray[np.void]) 
     size = solver.size(start)
     if isinstance(guess, IndirectGuess):
         known = guess.unknowns(solver.drops(start))
-        # held burns are aimed by the solver
+        # the solver sets the directions of held burns
         return np.concatenate((known, np.zeros(size - known.size)))
     values = guess if isinstance(guess, np.ndarray) else guess.parameters
     if values is None:
@@ -224,9 +226,9 @@ def _as_unknowns(guess: Guess, solver: TwoPointSolver, start: NDArray[np.void]) 
 
 
 def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) -> Root:
-    """The best root from the guess and from nothing, else by continuation; then finished.
+    """Find the best root on a coarse grid, by continuation where needed; refine it.
 
-    The search goes on a coarse grid.
+    The guess and the built-in guesses come first, then the continuations.
     """
     fine = float(solver.options["step"][0])
     if solver.options["propagator"][0] == RUNGE_KUTTA:
@@ -247,25 +249,25 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
                 break
             further = ladder(solver, start)
             if further is not None and further.converged:
-                root = _added(further, root, 1)
+                root = _with_work_of(further, root, 1)
                 break
     solver.options["step"] = fine
     if not root.converged:
         return root
     if solver.options["propagator"][0] == RUNGE_KUTTA:
-        solver.options["step"] = _fine(fine, start, root)
+        solver.options["step"] = _final_step(fine, start, root)
     if planned:
-        return _added(made_finer(solver, start, root), root, 0)
-    return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+        return _with_work_of(refine_planned(solver, start, root), root, 0)
+    return _with_work_of(solver.solve(start, root.unknowns, restart=False), root, 0)
 
 
-def _fine(step_s: float, start: NDArray[np.void], root: Root) -> float:
-    """Step of the final grid, s: a short flight may turn as much as a long one."""
+def _final_step(step_s: float, start: NDArray[np.void], root: Root) -> float:
+    """Return the step of the final grid, s; a short flight gets _LEAST_STEPS too."""
     return min(step_s, float(root.cutoff_s - start["time"][0]) / _LEAST_STEPS)
 
 
-def _added(root: Root, before: Root, starts: int) -> Root:
-    """A root with the work of what went before it."""
+def _with_work_of(root: Root, before: Root, starts: int) -> Root:
+    """Return a root with the iterations and restarts of an earlier one added."""
     return replace(
         root,
         iterations=root.iterations + before.iterations,
@@ -274,7 +276,7 @@ def _added(root: Root, before: Root, starts: int) -> Root:
 
 
 def _from_linear_gravity(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
-    """Solved in the linear field first."""
+    """Solve in the linear field first."""
     if solver.options["gravity"][0] == LINEAR:
         return None
     corrected = int(solver.options["corrected"][0])
@@ -285,11 +287,11 @@ def _from_linear_gravity(solver: TwoPointSolver, start: NDArray[np.void]) -> Roo
     solver.options["corrected"] = corrected
     if not root.converged:
         return None
-    return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+    return _with_work_of(solver.solve(start, root.unknowns, restart=False), root, 0)
 
 
 def _from_light_drops(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
-    """Solved with light fairings first, whose drop costs little steering."""
+    """Solve by continuation from lighter fairings, whose drop turns the primer less."""
     if solver.drops(start) == 0:
         return None
     whole = solver.arrays.jettisons["mass"].copy()
@@ -301,7 +303,7 @@ def _from_light_drops(solver: TwoPointSolver, start: NDArray[np.void]) -> Root |
 
 
 def _from_high_limits(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
-    """Solved with higher heating limits first."""
+    """Solve by continuation from higher heating limits."""
     if solver.drops(start) == 0:
         return None
     heated = solver.arrays.jettisons["criterion"] == HEATING_LIMIT
@@ -315,7 +317,7 @@ def _from_high_limits(solver: TwoPointSolver, start: NDArray[np.void]) -> Root |
 
 
 def _from_open_orbit(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
-    """Solved for a longer orbit first, where the wanted one is nearly a circle."""
+    """Solve a nearly circular target by continuation from a more eccentric orbit."""
     target = solver.arrays.target[0]
     e = float(target["eccentricity"])
     if target["kind"] != TARGET_ELEMENTS or not 0.0 < e < _OPEN:
@@ -339,7 +341,7 @@ def _from_open_orbit(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | 
 def _continue(
     solver: TwoPointSolver, start: NDArray[np.void], part: Callable[[float], None]
 ) -> Root | None:
-    """Solve with little of what makes the problem hard, and with more of it step by step."""
+    """Solve by continuation in the fraction of the difficulty, from _FIRST_PART to 1."""
     try:
         done = 0.0
         step = _FIRST_PART
@@ -353,7 +355,7 @@ def _continue(
                 return None
             trial = min(1.0, done + step)
             part(trial)
-            further = _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+            further = _with_work_of(solver.solve(start, root.unknowns, restart=False), root, 0)
             if not further.converged:
                 step *= 0.25
                 continue
@@ -368,7 +370,7 @@ def _continue(
 
 
 def _propellant_obstacle(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
-    """A line when the last stage runs dry before cut-off; empty otherwise."""
+    """Return a line if the last stage is depleted before cut-off, else ""."""
     arrays = solver.arrays
     last = arrays.arcs[-1]
     solver.final_hamiltonian(start, root.unknowns)
@@ -389,14 +391,14 @@ def _propellant_obstacle(solver: TwoPointSolver, start: NDArray[np.void], root: 
 
 
 def _pieces(solver: TwoPointSolver) -> NDArray[np.void]:
-    """Segments of the last flight."""
+    """Return the segments of the last flight."""
     work = solver.work[0]
     pieces: NDArray[np.void] = work["segments"][: work["segment_count"]]
     return pieces
 
 
-def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cause:
-    """What stands in the way: is it the heating limit, is it the target?"""
+def _failure_cause(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cause:
+    """Return the cause of a failed search: heating limit, target, or the search itself."""
     if root.status == newton.BAD_TIMETABLE or root.iterations == 0:
         return Cause(
             Status.ILLEGAL_START,
@@ -408,22 +410,22 @@ def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cau
     solver.options["heating"] = timetable.HEATING_IGNORED
     free = solver.solve(start)
     if free.converged:
-        cause = infeasible(_too_hot(solver, start, free)) or _CAUSES[root.status]
-    elif misses := _misses(solver, start, free):
+        cause = infeasible(_heating_obstacle(solver, start, free)) or _CAUSES[root.status]
+    elif misses := _target_errors(solver, start, free):
         out = free.status == newton.ITERATION_LIMIT
         cause = Cause(
             Status.ITERATION_LIMIT if out else Status.INFEASIBLE,
             f"no flight to the target found: {', '.join(misses)}",
         )
     else:
-        # the target is met: what is not is what makes an optimum
+        # the target is met, the conditions of an optimum are not
         cause = _CAUSES[free.status]
     solver.options[:] = options
     return cause
 
 
-def _too_hot(solver: TwoPointSolver, start: NDArray[np.void], free: Root) -> str:
-    """A line when a flight without heating limits does not meet them; empty otherwise."""
+def _heating_obstacle(solver: TwoPointSolver, start: NDArray[np.void], free: Root) -> str:
+    """Return a line if a flight without heating limits violates one, else ""."""
     flight = solver.sample(start, free.unknowns)
     stages = solver.arrays.arcs["stage"][_arc_of(solver, flight)]
     line = ""
@@ -442,11 +444,11 @@ def _too_hot(solver: TwoPointSolver, start: NDArray[np.void], free: Root) -> str
     return line
 
 
-def _misses(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> list[str]:
-    """Return what the last flight tried misses of the target, by the judge; nothing: none."""
+def _target_errors(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> list[str]:
+    """Return the errors of the last flight tried against the target, as the judge finds them."""
     flight = solver.sample(start, root.unknowns)
     if len(flight) == 0:
-        return ["the times make no flight"]
+        return ["no flight is possible with these times"]
     environment = solver.arrays.environment[0]
     return judge(
         flight[-1, sample.POSITION : sample.POSITION + 3],
@@ -458,7 +460,7 @@ def _misses(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> list
 
 
 def _arc_of(solver: TwoPointSolver, flight: Array) -> NDArray[np.int64]:
-    """Arc of every sample."""
+    """Return the arc of every sample."""
     arcs: NDArray[np.int64] = solver.work[0]["segments"]["arc"][
         flight[:, sample.PIECE].astype(np.int64)
     ]
@@ -468,7 +470,7 @@ def _arc_of(solver: TwoPointSolver, flight: Array) -> NDArray[np.int64]:
 def _closed_form_notes(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root, options: TwoPointOptions
 ) -> dict[str, float]:
-    """What the closed form came to, and how far from its end the exact flight of its steering."""
+    """Return the result of the closed form and its error against the exact flight."""
     flight = solver.sample(start, root.unknowns)
     error = flight_errors(solver.arrays, start, root.unknowns, options)
     times = root.drop_times_s
@@ -484,7 +486,7 @@ def _closed_form_notes(
 def _jettison_times(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root
 ) -> tuple[float, ...]:
-    """Time of every jettison; nan where it is done already or does not come."""
+    """Return the time of every jettison, s; nan if done before or not in this flight."""
     arrays = solver.arrays
     ignitions = first_ignitions(start[0], _pieces(solver), arrays.arcs)
     now = float(start["time"][0])
@@ -509,7 +511,7 @@ def _jettison_times(
 
 
 def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc, ...]:
-    """A linear-tangent law per piece: the straight line between the primers at its ends."""
+    """Return a linear-tangent law per piece, the chord between the primers at its ends."""
     laws = []
     for i, piece in enumerate(pieces):
         rows = flight[flight[:, sample.PIECE] == i]
@@ -529,7 +531,7 @@ def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc
         rate = change / (size * length)
         primer_rate = -first[sample.LAMBDA_R : sample.LAMBDA_R + 3] / size
         if piece["held"]:
-            # its direction is no primer
+            # a held direction is not the primer
             primer_rate = np.full(3, math.nan)
         laws.append(
             SteeringArc(
@@ -548,7 +550,7 @@ def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc
 
 
 def _hamiltonian_spread(pieces: NDArray[np.void], flight: Array) -> tuple[float, ...]:
-    """Constancy of the Hamiltonian with its mass costate, per piece of constant thrust."""
+    """Return the relative spread of the Hamiltonian per piece of constant thrust."""
     full = flight[:, sample.HAMILTONIAN] - flight[:, sample.FLOW] * flight[:, sample.MASS_COSTATE]
     size = float(np.abs(flight[:, sample.HAMILTONIAN]).max())
     spread = []
@@ -560,9 +562,9 @@ def _hamiltonian_spread(pieces: NDArray[np.void], flight: Array) -> tuple[float,
 
 
 def _primer_steering(pieces: NDArray[np.void], flight: Array) -> Steering:
-    """Thrust direction of a sampled flight: cubic between samples, exact in value and rate.
+    """Return the thrust direction of a sampled flight, from a cubic Hermite primer.
 
-    Within a held burn it is that of the burn.
+    The primer is exact in value and rate at the samples. In a held burn the direction is its own.
     """
 
     def steering(begin: float, end: float) -> Direction:
@@ -596,11 +598,11 @@ def _multipliers(
     price: float,
     table: tuple[ConstraintCheck, ...],
 ) -> tuple[ConstraintCheck, ...]:
-    """The table of constraints with what each is worth, from the costates.
+    """Return the constraint table with sensitivities from the costates.
 
-    At cut-off lambda . dx = H_f dt_f: with lambda_f written in the gradients of the terminal
-    figures, a figure's part over the price of propellant, H_f per kg/s, is kg per unit of it;
-    at a heating jettison pi over it is kg per unit of log heating.
+    At cut-off lambda . dx = H_f dt_f. lambda_f is a combination of the gradients of the target's
+    elements; each factor divided by the price of propellant, H_f per kg/s, is kg per unit of the
+    element. At a heating jettison pi divided by that price is kg per unit of log heating.
     """
     arrays = solver.arrays
     mu = float(arrays.environment[0]["mu"])
@@ -613,7 +615,7 @@ def _multipliers(
         )
     )
     rows = target_rows(arrays.target[0])
-    worth = target_worth(arrays.target[0], mu, state, costate)
+    worth = target_sensitivities(arrays.target[0], mu, state, costate)
     flow = -1.0 / price
     per_unit: dict[tuple[Check, int | None], float] = {
         (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))
@@ -634,19 +636,19 @@ def _multipliers(
     )
 
 
-def _how_good(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cause:
-    """Optimal, or so near to taking nothing at all that no optimum was sought."""
+def _optimality(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cause:
+    """Return OPTIMAL, or CONVERGED where a free arc was held as propellant is negligible."""
     low, high = length_bounds(solver.arrays, start[0])
     inside = (root.lengths > low + _SAME_LENGTH) & (root.lengths < high - _SAME_LENGTH)
     if not any(hold == HELD and free for hold, free in zip(root.holds, inside, strict=True)):
         return OPTIMAL
-    return Cause(Status.CONVERGED, next_to_nothing(root.taken_kg))
+    return Cause(Status.CONVERGED, next_to_nothing(root.propellant_kg))
 
 
 def _length_checks(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root, price: float
 ) -> tuple[ConstraintCheck, ...]:
-    """The bounds of the free arcs, and what a second of them is worth."""
+    """Return checks on the lengths of the free arcs with kg per second."""
     arrays = solver.arrays
     checks = []
     low, high = length_bounds(arrays, start[0])
@@ -682,11 +684,13 @@ def _solution(
     elapsed: float,
     notes: dict[str, float],
 ) -> Solution:
-    """A root as a solution: times, mass, steering laws."""
+    """Convert a root to a solution: times, mass, steering laws."""
     flight = solver.sample(start, root.unknowns)
     laws = _steering_arcs(_pieces(solver), flight)
     times = _jettison_times(solver, start, root)
-    cause = infeasible(_propellant_obstacle(solver, start, root)) or _how_good(solver, start, root)
+    cause = infeasible(_propellant_obstacle(solver, start, root)) or _optimality(
+        solver, start, root
+    )
     return Solution(
         method,
         *cause,
@@ -705,7 +709,7 @@ def _solution(
 
 
 def _trajectory(flight: Array) -> Trajectory:
-    """A sampled flight as the solver itself flew it."""
+    """Convert a sampled flight of the solver to a trajectory."""
     return Trajectory(
         flight[:, sample.TIME].copy(),
         flight[:, sample.POSITION : sample.POSITION + 3].copy(),
@@ -717,10 +721,10 @@ def _trajectory(flight: Array) -> Trajectory:
     )
 
 
-def _proven(
+def _verified(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root, solution: Solution
 ) -> Solution:
-    """A solution flown again by another integrator, with its costates."""
+    """Verify a solution by another integrator; add constraints and costates."""
     arrays = with_lengths(solver.arrays, start[0], root.lengths)
     final = solver.final_hamiltonian(start, root.unknowns)
     price = final / float(arrays.arcs[-1]["mass_flow"])
@@ -797,8 +801,8 @@ def _proven(
         notes={
             **solution.notes,
             "final_hamiltonian_m_s2": final,
-            # C = r x lambda_r + V x lambda_v: its component along the pole is kept by every
-            # part of the flight, jettison included; over a held burn, but not within
+            # polar component of C = r x lambda_r + V x lambda_v: constant along the flight,
+            # jettisons included; in a held burn only from end to end
             "pole_turn_spread_m_s": float(np.ptp(turn[guided, 2])),
         },
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two-point problem of one mission, solved and flown by the kernels."""
+"""Solve and fly the two-point problem of one mission by the kernels."""
 
 import math
 from collections.abc import Mapping
@@ -51,9 +51,9 @@ _HEATING = {
     Heating.IGNORED: timetable.HEATING_IGNORED,
 }
 
-#: Longest Runge-Kutta step, s: 0.05 mm and 0.2 um/s on the default mission.
+#: Longest Runge-Kutta step, s; error 0.05 mm and 0.2 um/s on the default mission.
 STEP_S = 10.0
-#: Arc of the closed form, s.
+#: Length of an arc in closed form, s.
 ARC_LENGTH_S = 5.0
 _SAMPLE_S = 2.0
 _AT_BOUND_S = 1e-6
@@ -61,11 +61,11 @@ _AT_BOUND_S = 1e-6
 
 @dataclass(frozen=True)
 class IndirectGuess:
-    """Where the solver starts.
+    """Hold a guess of the two-point problem.
 
     Attributes:
-        lambda_v: primer at the start, any length, shape (3,). The thesis' B.
-        lambda_r: shape (3,), 1/s for a primer of length 1. The thesis' -A.
+        lambda_v: primer at the start, any length, shape (3,); B in the thesis.
+        lambda_r: shape (3,), 1/s for a primer of length 1; -A in the thesis.
         t_meco_s: cut-off time.
         jettison_times_s: per heating jettison still to come, in the order of the file.
         pi: jump of Eq. 3.44 per unit of log heating, for each of them; zeros if empty.
@@ -78,7 +78,7 @@ class IndirectGuess:
     pi: tuple[float, ...] = ()
 
     def unknowns(self, drops: int) -> Array:
-        """The solver's own variables but for the ends of arcs, shape (7 + 2 drops,).
+        """Return the unknowns without the ends of arcs, shape (7 + 2 drops,).
 
         Raises:
             OptimizerError: the guess does not fit the mission.
@@ -110,7 +110,7 @@ class IndirectGuess:
 
 @dataclass(frozen=True)
 class Root:
-    """What the compiled solver came to.
+    """Hold the outcome of the compiled solver.
 
     Attributes:
         unknowns: shape (n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then time (s)
@@ -118,13 +118,14 @@ class Root:
             of every free arc before the last, then the direction (3) of every held burn.
         iterations: Newton iterations, restarts included.
         residual_norm: norm of the last residuals, without unit.
-        status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
+        status: CONVERGED or another status of ``two_point.kernels.newton``.
         restarts: starts after the first.
         drops: number of heating jettisons to come.
-        lengths: s, shape (n,), of the free arcs before the last.
-        holds: what held each of them: ``two_point.arrays``: NOT_HELD, AT_SHORTEST, ...
-        taken_kg: propellant that the free burns take from now on, but for the tail-off of the
-            last; nan where nothing is planned.
+        lengths: of the free arcs before the last, shape (n,), s.
+        holds: active constraint on each of them: NOT_HELD, AT_SHORTEST, ... of
+            ``two_point.arrays``.
+        propellant_kg: propellant of the free burns from the start on, without the tail-off of the
+            last; nan where the cut-off is the only free time.
         lowest_m: least radius of the flight.
     """
 
@@ -136,36 +137,36 @@ class Root:
     drops: int
     lengths: Array
     holds: tuple[int, ...]
-    taken_kg: float
+    propellant_kg: float
     lowest_m: float
 
     @property
     def cutoff_s(self) -> float:
-        """Cut-off time."""
+        """Return the cut-off time, s."""
         return float(self.unknowns[COLUMN_CUTOFF])
 
     @property
     def drop_times_s(self) -> Array:
-        """Times of the heating jettisons to come, in the order of the file."""
+        """Return the times of the heating jettisons to come, s, in the order of the file."""
         return self.unknowns[TIMES][: self.drops]
 
     @property
     def pis(self) -> Array:
-        """Their pi, per unit of log heating."""
+        """Return pi of these jettisons, per unit of log heating."""
         return self.unknowns[PIS][: self.drops]
 
     @property
     def converged(self) -> bool:
-        """True for a root that is sound."""
+        """Return true for a converged and sound root."""
         return self.status == newton.CONVERGED
 
 
 class HasParameters(Protocol):
-    """A solution that can be a guess."""
+    """Describe a solution that can be a guess."""
 
     @property
     def parameters(self) -> Array | None:
-        """The solver's own variables."""
+        """Return the unknowns of the solver."""
         ...
 
 
@@ -174,20 +175,20 @@ Guess = IndirectGuess | HasParameters | Array | None
 
 @dataclass(frozen=True)
 class TwoPointOptions:
-    """What is solved, and how finely.
+    """Select physical model and step sizes.
 
     Attributes:
-        gravity: ``inverse_square`` (Eq. 2.13) or ``linear`` (Eq. 3.4, omega0 from the radius at
-            the start, held).
+        gravity: ``inverse_square`` (Eq. 2.13) or ``linear`` (Eq. 3.4, constant omega0 from the
+            radius at the start).
         propagator: ``runge_kutta`` or ``closed_form`` (Eqs. 3.20-3.23, 3.27-3.29).
-        heating: where the limit holds; PASSIVE: the drop waits for the limit, the steering does
-            not know.
+        heating: where the limit holds; PASSIVE: the drop waits for the limit, without a jump of
+            the costates.
         step_s: longest Runge-Kutta step.
         arc_length_s: longest arc of the closed form.
-        rule: of the thrust integrals: ``simpson`` or ``milne``.
-        correction: under inverse-square gravity in closed form, give the rest of gravity and of
-            its gradient as impulses at the ends of the arcs; else the field is linear within
-            each arc, and Eqs. 3.20, 3.21 leave out part of its gradient.
+        rule: quadrature of the thrust integrals, ``simpson`` or ``milne``.
+        correction: under inverse-square gravity in closed form, apply the nonlinear part of
+            gravity and of its gradient as impulses at the ends of the arcs; without it, the field
+            is linear within each arc, and Eqs. 3.20, 3.21 omit part of its gradient.
         tolerance: of the last Newton step, in scaled unknowns.
         max_iterations: of one start.
     """
@@ -206,7 +207,7 @@ class TwoPointOptions:
         """Check the choices.
 
         Raises:
-            OptimizerError: a choice that is not there.
+            OptimizerError: an option is not valid.
         """
         choose("gravity", self.gravity, _GRAVITY)
         choose("propagator", self.propagator, get_args(Propagator))
@@ -218,11 +219,11 @@ class TwoPointOptions:
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether the propagator is the closed form."""
+        """Return true if the propagator is the closed form."""
         return self.propagator == "closed_form"
 
     def record(self) -> NDArray[np.void]:
-        """For the kernels: shape (1,), dtype OPTIONS."""
+        """Return the options for the kernels, shape (1,), dtype OPTIONS."""
         options = np.zeros(1, OPTIONS)
         inverse_square = self.gravity == "inverse_square"
         options["gravity"] = _GRAVITY[self.gravity]
@@ -236,7 +237,7 @@ class TwoPointOptions:
 
 
 def choose(name: str, value: str, choices: Any) -> None:
-    """Refuse a choice that is not there.
+    """Refuse a value that is not among the choices.
 
     Raises:
         OptimizerError: one line with the name, the value and the choices.
@@ -255,15 +256,15 @@ def navigation(
     arc_start_time_s: float | None = None,
     jettisoned: int = 0,
 ) -> NDArray[np.void]:
-    """A start of the optimizer, shape (1,), dtype NAVIGATION.
+    """Return a start of the optimizer, shape (1,), dtype NAVIGATION.
 
     Args:
         time_s: mission elapsed time.
         position: m, shape (3,), frame ares_eci.
         velocity: m/s, shape (3,).
-        mass_kg: 0 for that of the arc's stack.
-        arc: present arc of the mission.
-        arc_start_time_s: when it began; now if None.
+        mass_kg: mass; 0: that of the stack of the arc.
+        arc: current arc of the mission.
+        arc_start_time_s: begin of that arc; None: ``time_s``.
         jettisoned: bit k set: jettison k is done.
     """
     record = np.zeros(1, NAVIGATION)
@@ -279,11 +280,11 @@ def navigation(
 
 
 class TwoPointSolver:
-    """Solver of one mission's two-point problem, with its memory laid out once.
+    """Solve the two-point problem of one mission, with work memory allocated once.
 
     Attributes:
         arrays: the mission.
-        deadline: at which a search ends, and after which no continuation begins.
+        deadline: time limit of searches and continuations.
         options: shape (1,), dtype OPTIONS.
         work: shape (1,), dtype WORK.
     """
@@ -294,15 +295,15 @@ class TwoPointSolver:
         options: TwoPointOptions | None = None,
         deadline: Deadline | None = None,
     ) -> None:
-        """Lay out the memory.
+        """Allocate the work memory.
 
         Args:
             arrays: the mission.
-            options: what is solved, and how finely.
-            deadline: at which a search ends; None: no limit.
+            options: physical model and step sizes.
+            deadline: time limit; None: no limit.
 
         Raises:
-            OptimizerError: a mission that the method cannot take.
+            OptimizerError: the mission is not valid for this method.
         """
         options = options or TwoPointOptions()
         j2 = arrays.environment[0]["j2"]
@@ -322,31 +323,31 @@ class TwoPointSolver:
         self.deadline.watch(self.work["stop"])
 
     def drops(self, start: NDArray[np.void]) -> int:
-        """Number of heating jettisons whose time is unknown."""
+        """Return the number of heating jettisons whose time is unknown."""
         heating = int(self.options["heating"][0])
         return int(timetable.heating_count(start[0], self.arrays.jettisons, heating))
 
     def plans_arcs(self, start: NDArray[np.void]) -> bool:
-        """Whether there is more to decide than the cut-off."""
+        """Return true if free arcs precede the last, or the last burn has a fixed length."""
         return plans_arcs(self.arrays, start[0])
 
     def ends(self, start: NDArray[np.void]) -> slice:
-        """Where among the unknowns the ends of free arcs before the last stand."""
+        """Return the slice of the unknowns with the ends of free arcs before the last."""
         first = COLUMN_JETTISON + 2 * self.drops(start)
         return slice(first, first + len(free_arcs(self.arrays, start[0])))
 
     def size(self, start: NDArray[np.void]) -> int:
-        """Number of unknowns."""
+        """Return the number of unknowns."""
         present = int(start["arc"][0])
         return self.ends(start).stop + 3 * sum(k >= present for k in self._held)
 
-    def _room(self, start: NDArray[np.void], unknowns: Array | None) -> Array:
-        """Unknowns with the room that kernels need."""
-        room = np.zeros(MAX_UNKNOWNS)
+    def _padded(self, start: NDArray[np.void], unknowns: Array | None) -> Array:
+        """Return the unknowns padded to the size that the kernels need."""
+        padded = np.zeros(MAX_UNKNOWNS)
         if unknowns is not None:
             n = self.size(start)
-            room[:n] = unknowns[:n]
-        return room
+            padded[:n] = unknowns[:n]
+        return padded
 
     def solve(
         self,
@@ -357,22 +358,22 @@ class TwoPointSolver:
         restart: bool = True,
         thorough: bool = False,
     ) -> Root:
-        """The optimum, from a guess or from nothing but the start.
+        """Find the optimum, from a guess or from the start alone.
 
         Args:
             start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
-            guess: shape (n,), see :attr:`Root.unknowns`; None for the solver's own.
-            times: as ``guess``, of which only the ends of free arcs are read; without a guess,
-                where there are any.
-            restart: go on with own guesses when ``guess`` leads nowhere.
-            thorough: seek further roots, see ``Effort``, and keep the best.
+            guess: shape (n,), see :attr:`Root.unknowns`; None: the built-in guesses.
+            times: shape (n,), read without a guess: the ends of free arcs, for the built-in
+                guesses.
+            restart: try the built-in guesses when ``guess`` fails.
+            thorough: search for further roots, see ``Effort``, and keep the best.
         """
-        unknowns = self._room(start, times if guess is None else guess)
+        unknowns = self._padded(start, times if guess is None else guess)
         effort = Effort(guess is not None, restart, thorough, 0)
         iterations, residual, status, restarts = search.find_optimum(
             start[0], self._mission, self.options[0], effort, unknowns, self.work[0]
         )
-        self.deadline.tell(Progress("indirect", iterations, residual))
+        self.deadline.report(Progress("indirect", iterations, residual))
         return self._root(start, unknowns, iterations, residual, status, restarts)
 
     def _root(
@@ -384,10 +385,10 @@ class TwoPointSolver:
         status: int,
         restarts: int,
     ) -> Root:
-        """What the kernels left, with the lengths of the arcs and what they take."""
+        """Collect the result of the kernels, with arc lengths and propellant."""
         n = self.size(start)
         lengths = np.zeros(0)
-        taken = math.nan
+        propellant = math.nan
         lowest = float(self.work["lowest"][0])
         if self.plans_arcs(start):
             begin_flight(start[0], self._mission, self.options[0], unknowns, self.work[0])
@@ -397,7 +398,7 @@ class TwoPointSolver:
             lengths = unknowns[self.ends(start)] - begins["time"][free]
             pay = np.isinf(arcs["duration"]) & (arcs["kind"] == BURN)
             pay[: int(start["arc"][0])] = False
-            taken = float((begins["used_end"] - begins["used"])[pay].sum())
+            propellant = float((begins["used_end"] - begins["used"])[pay].sum())
         holds = tuple(int(hold) for hold in self.work["switches"]["hold"][0, : lengths.size])
         return Root(
             unknowns[:n].copy(),
@@ -408,12 +409,12 @@ class TwoPointSolver:
             self.drops(start),
             lengths,
             holds,
-            taken,
+            propellant,
             lowest,
         )
 
     def hold(self, start: NDArray[np.void], lengths: Mapping[int, float]) -> None:
-        """Hold free arcs at given lengths in what follows; the others are let go.
+        """Hold free arcs at given lengths in later searches; release the others.
 
         Args:
             start: shape (1,), dtype NAVIGATION.
@@ -425,12 +426,12 @@ class TwoPointSolver:
             switches[f]["hold"] = HELD
             switches[f]["length"] = length
 
-    def press(self, start: NDArray[np.void], lengths: Array) -> None:
-        """Hold free arcs that are at a bound of their length there, until they would leave it.
+    def hold_at_bounds(self, start: NDArray[np.void], lengths: Array) -> None:
+        """Hold free arcs that are at a bound of their length there, until they are released.
 
         Args:
             start: shape (1,), dtype NAVIGATION.
-            lengths: s, of :func:`plan.free_arcs`.
+            lengths: of the arcs of :func:`plan.free_arcs`, s.
         """
         switches = self.work["switches"][0]
         low, high = length_bounds(self.arrays, start[0])
@@ -442,8 +443,8 @@ class TwoPointSolver:
                 switches[f]["hold"] = DRY if dry else AT_LONGEST
 
     def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
-        """Newton's method from a guess and nothing else: what a guidance cycle calls."""
-        trial = self._room(start, unknowns)
+        """Solve by Newton's method from a guess alone, as a guidance cycle does."""
+        trial = self._padded(start, unknowns)
         self.work["pinned"] = 0
         iterations, residual, status = newton.solve_two_point(
             start[0], self._mission, self.options[0], trial, self.work[0]
@@ -458,15 +459,15 @@ class TwoPointSolver:
             lambda_v, lambda_v'.
 
         Raises:
-            OptimizerError: the times make no flight.
+            OptimizerError: the times are not possible.
         """
         n = self.size(start)
         self.work["steps"] = 0
         self.work["pinned"] = 0
         work = self.work[0]
-        trial = self._room(start, unknowns)
+        trial = self._padded(start, unknowns)
         if not shoot_with_jacobian(start[0], self._mission, self.options[0], trial, work):
-            raise OptimizerError("the times make no flight")
+            raise OptimizerError("no flight is possible with these times")
         return (
             work["residual"][:n].copy(),
             work["jacobian"][:n, :n].copy(),
@@ -476,7 +477,7 @@ class TwoPointSolver:
     def sample(
         self, start: NDArray[np.void], unknowns: Array, interval_s: float = _SAMPLE_S
     ) -> Array:
-        """The flight, sampled: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``)."""
+        """Sample the flight: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``)."""
         trial = np.zeros(MAX_UNKNOWNS)
         trial[: unknowns.size] = unknowns
         out = np.zeros((1024, sample.SAMPLE_COLUMNS))
@@ -489,7 +490,7 @@ class TwoPointSolver:
             out = np.zeros((-rows, sample.SAMPLE_COLUMNS))
 
     def final_hamiltonian(self, start: NDArray[np.void], unknowns: Array) -> float:
-        """lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2: see the kernel."""
+        """Return lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2."""
         trial = np.zeros(MAX_UNKNOWNS)
         trial[: unknowns.size] = unknowns
         return float(

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled pieces of the optimizer, on plain floats, tuples and structured arrays."""
+"""Hold compiled functions shared by all methods, on floats, tuples and structured arrays."""

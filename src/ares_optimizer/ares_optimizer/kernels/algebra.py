@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dense linear algebra of a dozen unknowns, without calls into LAPACK."""
+"""Solve dense linear algebra of a dozen unknowns, without calls into LAPACK."""
 
 import math
 
@@ -17,10 +17,10 @@ _TINY = 1e-13
 
 @allocating
 def full_qr(a: Array, q: Array, r: Array) -> float:
-    """Householder QR of ``a`` transposed, with the whole of Q.
+    """Factor ``a`` transposed by Householder QR, with the full Q.
 
     Args:
-        a: shape (m, n), m <= n; its rows are what is factored.
+        a: shape (m, n), m <= n.
         q: shape (n, n), written: first m columns span the rows of ``a``, the others their
             null space.
         r: shape (m, m), written: upper triangle, a^T = Q [R; 0].
@@ -147,18 +147,18 @@ def solve_symmetric(a: Array, b: Array, x: Array, size: int) -> None:
 
 @allocating
 def dual_multipliers(m: Array, q: Array, x: Array) -> int:
-    """x >= 0 with m x + q >= 0 and x . (m x + q) = 0, m symmetric positive semi-definite.
+    """Find x >= 0 with m x + q >= 0 and x . (m x + q) = 0.
 
-    The dual of a small quadratic programme; active set after Lawson and Hanson,
-    *Solving Least Squares Problems*, chapter 23.
+    The dual of a small quadratic program, by an active set method after Lawson and Hanson, *Solving
+    Least Squares Problems*, chapter 23.
 
     Args:
-        m: shape (k, k).
+        m: shape (k, k), symmetric positive semi-definite.
         q: shape (k,).
         x: shape (k,), written.
 
     Returns:
-        0, or 1 when it did not end (the constraints contradict each other).
+        0; 1 without convergence, as the constraints contradict each other.
     """
     k = q.size
     active = np.zeros(k, np.bool_)
@@ -195,7 +195,7 @@ def dual_multipliers(m: Array, q: Array, x: Array) -> int:
 
 @kernel
 def _most_violated(m: Array, q: Array, x: Array, active: Flags, scale: float) -> int:
-    """Inactive row with the most negative m x + q; -1 when all hold."""
+    """Return the inactive row with the most negative m x + q; -1 when all hold."""
     worst = -1
     least = -1e-12
     for i in range(q.size):
@@ -212,9 +212,9 @@ def _most_violated(m: Array, q: Array, x: Array, active: Flags, scale: float) ->
 
 @kernel
 def _step_to_trial(trial: Array, index: Index, x: Array, active: Flags) -> bool:
-    """Go from x towards the trial as far as x stays >= 0; True when all the way.
+    """Move x towards the trial while x stays >= 0; return true for a full step.
 
-    What reaches zero leaves the active set.
+    Components that reach zero leave the active set.
     """
     step = 1.0
     out = -1
@@ -242,7 +242,7 @@ def _step_to_trial(trial: Array, index: Index, x: Array, active: Flags) -> bool:
 
 @allocating
 def least_step(rows: Array, values: Array, damping: float, step: Array) -> None:
-    """Shortest step with rows @ step = -values, damped (Levenberg-Marquardt).
+    """Compute the shortest step with rows @ step = -values, damped (Levenberg-Marquardt).
 
     Args:
         rows: shape (k, n).

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets by orbital elements as equations, each written once, differentiated by complex step.
+"""Write targets by orbital elements as equations, differentiated by complex step.
 
-Every row is of order 1 where the orbit is missed by its own size, a plane by a radian. What
-vanishes with the eccentricity is divided by that of the target.
+A row is of order 1 for an error as large as the orbit, or of a radian in the plane. Rows that
+vanish with the eccentricity are divided by that of the target.
 """
 
 import math
@@ -31,17 +31,17 @@ from ares_models.kernels.vectors import ComplexVector, Vector, axpy, cross, dot,
 
 Array = NDArray[np.float64]
 
-#: The rows, in their order.
+#: Rows, in their order.
 RADIUS, SPEED, ANGLE, ENERGY, APSIS, TILT, NODE, ACROSS, TOWARDS, AHEAD, ANOMALY = range(11)
 
-_STEP = 1e-20  # m and m/s: no digit is lost to it
-_EQUATORIAL = 1e-6  # sine of the inclination below which the node has no meaning
-_ROUND = 1e-3  # eccentricity below which no row is divided by less
+_STEP = 1e-20  # complex step, m and m/s, without loss of digits
+_EQUATORIAL = 1e-6  # sine of the inclination below which the node is undefined
+_ROUND = 1e-3  # least eccentricity by which a row is divided
 
 
 @kernel
 def _sizes(target: Record) -> int:
-    """How many of size and shape are named: 0 to 2."""
+    """Return the number of elements of size and shape that a target names."""
     count = 0
     for element in (
         NAMES_PERIGEE,
@@ -57,19 +57,19 @@ def _sizes(target: Record) -> int:
 
 @kernel
 def _holds_plane(target: Record) -> bool:
-    """Whether the unit normal is given: by the node too, or in the plane of the equator."""
+    """Return true if the target fixes the unit normal: with the node, or equatorial."""
     return names(target, NAMES_INCLINATION) and (
         names(target, NAMES_ASCENDING_NODE) or abs(math.sin(target.inclination)) < _EQUATORIAL
     )
 
 
 @kernel
-def is_asked(row: int, target: Record) -> bool:
-    """Whether a target has a row.
+def has_row(row: int, target: Record) -> bool:
+    """Return true if a target has a row.
 
-    Two of size and shape are asked for as energy and perigee, whichever they are; with an
-    anomaly as energy, radius and angle, with an argument of perigee as energy and eccentricity
-    vector: a nearly circular orbit is not met the wrong way round then.
+    Two elements of size and shape become energy and perigee; with a true anomaly they become
+    energy, radius and angle, with an argument of perigee energy and eccentricity vector. These
+    rows do not confuse perigee and apogee of a nearly circular orbit.
     """
     known = _sizes(target) == 2
     placed = known and names(target, NAMES_TRUE_ANOMALY)
@@ -99,7 +99,7 @@ def is_asked(row: int, target: Record) -> bool:
 
 @kernel
 def _plane_row(row: int, target: Record, normal: ComplexVector) -> complex:
-    """What the unit normal misses: inclination, or a component that vanishes."""
+    """Return the error of the unit normal: inclination, or a component that vanishes."""
     if row == TILT:
         return normal[2] - math.cos(target.inclination)
     cos = math.cos(target.ascending_node)
@@ -119,7 +119,10 @@ def _eccentricity_component(
     v: ComplexVector,
     normal: ComplexVector,
 ) -> complex:
-    """Component of the eccentricity vector by ``turn`` rad ahead of the wanted perigee."""
+    """Return the component of the eccentricity vector, ``turn`` rad from perigee.
+
+    The direction is ``turn`` ahead of the perigee of the target.
+    """
     size = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1])
     node = (quotient(-normal[1], size), quotient(normal[0], size), 0.0 * size)
     if names(target, NAMES_ASCENDING_NODE):
@@ -135,7 +138,7 @@ def _eccentricity_component(
 
 @kernel
 def _place(target: Record, mu: float) -> tuple[float, float]:
-    """Radius, m, and sine of the flight-path angle that are asked for, if they are."""
+    """Return radius, m, and sine of the flight-path angle of the target, if it has them."""
     if names(target, NAMES_RADIUS):
         return target.radius, math.sin(target.flight_path_angle)
     c3, perigee = size_and_shape(target, mu)
@@ -148,10 +151,10 @@ def _place(target: Record, mu: float) -> tuple[float, float]:
 
 @kernel
 def row_value(row: int, target: Record, mu: float, r: ComplexVector, v: ComplexVector) -> complex:
-    """One row: by how much a state misses it.
+    """Return the error of a state in one row.
 
     Args:
-        row: which; one that :func:`is_asked` for.
+        row: one for which :func:`has_row` is true.
         target: record TARGET of kind TARGET_ELEMENTS.
         mu: m3/s2.
         r: m.
@@ -193,7 +196,7 @@ def row_value(row: int, target: Record, mu: float, r: ComplexVector, v: ComplexV
         wanted = 1.0 + apsis * c3 / mu
         return _eccentricity_component(0.0, target, mu, r, v, normal) - wanted
     if row == AHEAD:
-        if is_asked(TOWARDS, target):
+        if has_row(TOWARDS, target):
             least = 1.0
         return least * _eccentricity_component(0.5 * math.pi, target, mu, r, v, normal)
     return _plane_row(row, target, normal)
@@ -201,7 +204,7 @@ def row_value(row: int, target: Record, mu: float, r: ComplexVector, v: ComplexV
 
 @kernel
 def _stepped(x: Vector, component: int) -> ComplexVector:
-    """A vector with an imaginary step in one component; in none for 3 and more."""
+    """Return a vector with an imaginary step in one component; in none for 3 and more."""
     return (
         complex(x[0], _STEP if component == 0 else 0.0),
         complex(x[1], _STEP if component == 1 else 0.0),
@@ -213,7 +216,7 @@ def _stepped(x: Vector, component: int) -> ComplexVector:
 def element_rows(
     target: Record, mu: float, r: Vector, v: Vector, c: Array, gradient: Array, size: float
 ) -> int:
-    """Values and gradients of the rows of a target of kind TARGET_ELEMENTS, times ``size``.
+    """Write values and gradients of the rows of a TARGET_ELEMENTS target, times ``size``.
 
     Args: as :func:`ares_optimizer.kernels.terminal.terminal_rows`.
 
@@ -222,7 +225,7 @@ def element_rows(
     """
     count = 0
     for row in range(ANOMALY + 1):
-        if not is_asked(row, target):
+        if not has_row(row, target):
             continue
         for k in range(6):
             moved = row_value(row, target, mu, _stepped(r, k), _stepped(v, k - 3 if k > 2 else 3))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runge-Kutta-Nystroem method of order 6 for r'' = f(t, r): the tableau.
+"""Define the tableau of a Runge-Kutta-Nystroem method of order 6 for r'' = f(t, r).
 
 Source: Dormand, El-Mikkawy, Prince, "Families of Runge-Kutta-Nystrom formulae", IMA J. Numer.
-Anal. 7 (1987), the 6(4) pair with six stages, first same as last: RKN6(4)6FM.
+Anal. 7 (1987), the 6(4) pair with six stages, first stage same as last: RKN6(4)6FM.
 """
 
 import numpy as np
 
 STAGES = 6
-#: Times of the stages, in steps.
+#: Times of the stages, as fractions of the step.
 NODES = np.array([0.0, 1 / 10, 3 / 10, 7 / 10, 17 / 25, 1.0])
 #: Weights for the positions: stage i uses the first i entries of row i.
 WEIGHTS = np.array(

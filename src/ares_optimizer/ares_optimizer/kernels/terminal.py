@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terminal sets (Eq. 3.1) as equations with gradients.
+"""Write terminal sets (Eq. 3.1) as equations with gradients.
 
-Every row is scaled: 1 is one hundredth of the size of the orbit, of its speed, or of a
-radian. All rows are smooth where the elements themselves are not: a plane is two components
-of the unit normal, an apse line is two components of the eccentricity vector.
+Every row is scaled: 1 is one hundredth of the size of the orbit, of its speed, or of a radian. All
+rows are smooth where the elements are singular: a plane is two components of the unit normal, an
+apse line two components of the eccentricity vector.
 """
 
 import math
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 MAX_ROWS = 6
 SCALE = 100.0
-_EQUATORIAL = 1e-6  # sine of the inclination below which the node has no meaning
+_EQUATORIAL = 1e-6  # sine of the inclination below which the node is undefined
 
 
 @kernel
@@ -38,7 +38,7 @@ def put_row(row: Array, by_position: Vector, by_velocity: Vector) -> None:
 
 @kernel
 def normal_component(r: Vector, v: Vector, axis: Vector, row: Array) -> float:
-    """A component of the orbit's unit normal; its gradient into ``row``."""
+    """Return a component of the unit normal of the orbit; write its gradient."""
     h = cross(r, v)
     size = norm(h)
     value = dot(h, axis) / size
@@ -51,7 +51,7 @@ def normal_component(r: Vector, v: Vector, axis: Vector, row: Array) -> float:
 def terminal_rows(
     target: Record, mu: float, r: Vector, v: Vector, c: Array, gradient: Array
 ) -> int:
-    """Values and gradients of the terminal equations.
+    """Write values and gradients of the terminal equations; return the number of rows.
 
     Args:
         target: record TARGET.
@@ -64,7 +64,7 @@ def terminal_rows(
     Returns:
         number of rows. TARGET_RADIUS_SPEED_ANGLE_*: radius, speed, flight-path angle, then
         inclination or plane. TARGET_KEPLERIAN: energy, two components of the eccentricity
-        vector, plane. TARGET_ELEMENTS: what it names, see ``elements``.
+        vector, plane. TARGET_ELEMENTS: the elements named, see ``elements``.
     """
     if target.kind == TARGET_ELEMENTS:
         return element_rows(target, mu, r, v, c, gradient, SCALE)
@@ -108,7 +108,7 @@ def terminal_rows(
     sw = math.sin(target.argument_of_perigee)
     along = dot(r, v)
     for k in range(2):
-        # towards perigee, and a quarter turn ahead of it
+        # component towards perigee, and 90 deg ahead of it
         if k == 0:
             axis = axpy(sw, across, scale(cw, node))
             level = target.eccentricity

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight cut into segments of smooth thrust, for given cut-off and jettison times.
+"""Divide the flight into segments of smooth thrust, for given cut-off and jettison times.
 
-The sequence is the plant's: arcs in flight order, a burn that is fixed ends by the clock or
-when its propellant is gone, the last burn ends at the cut-off time and any other free arc at a
-time of its own; thrust-time curves at start and cut-off are linear between knots, so that
-within a segment thrust and mass flow are linear in time; in a burn throttled to a constant
-acceleration both fall with the mass. A segment knows how its ends, its mass and its thrust
-move with each unknown time.
+The sequence is that of the plant. Arcs follow in flight order; a burn of fixed length ends by the
+clock or at depletion, the last burn at the cut-off time, any other free arc at an unknown time.
+Thrust-time curves at start and cut-off are linear between knots, so thrust and mass flow are linear
+in time within a segment; in a burn throttled to constant acceleration both are proportional to the
+mass. Each segment has the derivatives of its ends, mass and thrust by the unknown times.
 """
 
 import math
@@ -47,28 +46,27 @@ from ares_models.kernels.thrust_curve import (
 
 MAX_SEGMENTS = 256
 
-#: Masses closer than this part of them are one: on which side of a throttle's limit.
+#: Relative tolerance of masses at the limits of throttling.
 SAME_MASS = 1e-12
 
-#: What a heating jettison does: wait for the limit with the interior condition, wait for it
-#: without (no jump), drop at the ignition of its stage, or drop at a given time.
+#: Time of a heating jettison: at the limit with the interior condition, at the limit without it
+#: (no jump of the costates), at the ignition of its stage, or at a given time.
 HEATING_OPTIMAL = 0
 HEATING_PASSIVE = 1
 HEATING_IGNORED = 2
 HEATING_TIMED = 3
 
-#: First columns of the unknowns: lambda_v, lambda_r, cut-off time, then per heating
-#: jettison its time and its pi, then the end of each free arc that is not the last, then the
-#: direction of each burn in held attitude.
+#: First columns of the unknowns: lambda_v, lambda_r, cut-off time, time and pi of each heating
+#: jettison, end of each free arc but the last, direction of each burn in held attitude.
 COLUMN_CUTOFF = 6
 COLUMN_JETTISON = 7
 
-#: Free arcs before the last.
+#: Most free arcs before the last.
 MAX_FREE = 8
-#: Burns in held attitude.
+#: Most burns in held attitude.
 MAX_HELD = 4
 MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS + MAX_FREE + 3 * MAX_HELD
-#: Columns from COLUMN_CUTOFF on: what moves with the unknown times has one entry for each.
+#: Most columns from COLUMN_CUTOFF on, the size of derivatives by the unknown times.
 MAX_MOVES = MAX_UNKNOWNS - COLUMN_CUTOFF
 
 SEGMENT = np.dtype(
@@ -79,15 +77,15 @@ SEGMENT = np.dtype(
         ("thrust_slope", np.float64),
         ("flow", np.float64),  # kg/s at the start, and its slope, kg/s2
         ("flow_slope", np.float64),
-        ("fading", np.float64),  # 1/s: thrust, flow and mass fall by exp(-fading t); 0: they do not
+        ("fading", np.float64),  # 1/s: thrust, flow and mass fall as exp(-fading t); 0: they do not
         ("mass", np.float64),  # kg at the start, after drops
-        ("end_heating", np.int64),  # which heating unknown ends it (0, 1, ...); -1: none
-        ("end_arc", np.int64),  # free arc, not the last, that it ends; -1: none
+        ("end_heating", np.int64),  # heating unknown (0, 1, ...) at its end; -1: none
+        ("end_arc", np.int64),  # free arc, not the last, that ends with it; -1: none
         ("arc", np.int64),
-        ("held", np.int64),  # number, from 1 on, of the held burn that thrusts; 0: none does
+        ("held", np.int64),  # number, from 1 on, of the held burn; 0: none thrusts
         ("after_cutoff", np.int64),  # 1: tail-off after the cut-off command
-        # derivatives by the unknown times; 0: an unknown moves nothing of the segment
-        ("moves", np.int64),
+        # derivatives by the unknown times
+        ("moves", np.int64),  # 0: all of them are 0
         ("start_by", np.float64, (MAX_MOVES,)),
         ("end_by", np.float64, (MAX_MOVES,)),
         ("mass_by", np.float64, (MAX_MOVES,)),
@@ -97,25 +95,25 @@ SEGMENT = np.dtype(
     align=True,
 )
 
-#: Where an arc begins, and what its stage has burnt by then.
+#: Begin of an arc, and propellant of its stage burnt before.
 ARC_BEGIN = np.dtype(
     [
         ("time", np.float64),  # s
-        ("used", np.float64),  # kg
+        ("used", np.float64),  # kg, propellant burnt before the arc
         ("mass", np.float64),  # kg
         ("time_by", np.float64, (MAX_MOVES,)),
         ("used_by", np.float64, (MAX_MOVES,)),
-        ("used_end", np.float64),  # kg, by its end
+        ("used_end", np.float64),  # kg, propellant burnt up to the end of the arc
         ("used_end_by", np.float64, (MAX_MOVES,)),
     ],
     align=True,
 )
 
-#: What is counted while a timetable is filled.
+#: State of the construction of a timetable.
 LAYOUT = np.dtype(
     [
         ("sequence", SEQUENCE),
-        ("moves", np.int64),  # entries in use of what follows
+        ("moves", np.int64),  # number of derivatives in use
         ("now_by", np.float64, (MAX_MOVES,)),
         ("mass_by", np.float64, (MAX_MOVES,)),
         ("used_by", np.float64, (MAX_MOVES,)),
@@ -130,7 +128,7 @@ LAYOUT = np.dtype(
 
 @kernel
 def segment_mass(segment: Record, t: float) -> float:
-    """Mass in a segment at time ``t``, kg."""
+    """Return the mass in a segment at time ``t``, kg."""
     s = t - segment.start
     if segment.fading > 0.0:
         return segment.mass * math.exp(-segment.fading * s)
@@ -139,7 +137,7 @@ def segment_mass(segment: Record, t: float) -> float:
 
 @kernel
 def segment_thrust(segment: Record, t: float) -> float:
-    """Thrust in a segment at time ``t``, N."""
+    """Return the thrust in a segment at time ``t``, N."""
     s = t - segment.start
     if segment.fading > 0.0:
         return segment.thrust * math.exp(-segment.fading * s)
@@ -148,7 +146,7 @@ def segment_thrust(segment: Record, t: float) -> float:
 
 @kernel
 def segment_flow(segment: Record, t: float) -> float:
-    """Mass flow in a segment at time ``t``, kg/s."""
+    """Return the mass flow in a segment at time ``t``, kg/s."""
     s = t - segment.start
     if segment.fading > 0.0:
         return segment.flow * math.exp(-segment.fading * s)
@@ -157,7 +155,7 @@ def segment_flow(segment: Record, t: float) -> float:
 
 @kernel
 def heating_count(start: Record, jettisons: NDArray[Any], heating: int) -> int:
-    """Number of jettisons whose time is unknown: heating ones not done yet.
+    """Return the number of heating jettisons to come whose time is unknown.
 
     Args:
         start: record NAVIGATION.
@@ -175,13 +173,13 @@ def heating_count(start: Record, jettisons: NDArray[Any], heating: int) -> int:
 
 @kernel
 def ends_by_plan(k: int, arcs: NDArray[Any]) -> bool:
-    """Whether the end of arc ``k`` is an unknown beside the cut-off."""
+    """Return true if the end of arc ``k`` is an unknown other than the cut-off."""
     return k < arcs.shape[0] - 1 and arcs[k].duration == math.inf
 
 
 @kernel
 def free_count(start: Record, arcs: NDArray[Any]) -> int:
-    """Number of free arcs still to end before the last."""
+    """Return the number of free arcs before the last from the current arc on."""
     count = 0
     for k in range(start.arc, arcs.shape[0]):
         if ends_by_plan(k, arcs):
@@ -191,7 +189,7 @@ def free_count(start: Record, arcs: NDArray[Any]) -> int:
 
 @kernel
 def free_index(start: Record, arcs: NDArray[Any], k: int) -> int:
-    """Which of the free arcs still to end ``k`` is: 0, 1, ..."""
+    """Return the index of arc ``k`` among the free arcs from the current arc on."""
     index = 0
     for i in range(start.arc, k):
         if ends_by_plan(i, arcs):
@@ -201,7 +199,7 @@ def free_index(start: Record, arcs: NDArray[Any], k: int) -> int:
 
 @kernel
 def held_count(start: Record, arcs: NDArray[Any]) -> int:
-    """Number of burns in held attitude from the present arc on."""
+    """Return the number of burns in held attitude from the current arc on."""
     count = 0
     for k in range(start.arc, arcs.shape[0]):
         count += arcs[k].held
@@ -210,7 +208,7 @@ def held_count(start: Record, arcs: NDArray[Any]) -> int:
 
 @kernel
 def held_number(start: Record, arcs: NDArray[Any], sequence: Record) -> int:
-    """Which of the held burns ahead thrusts now: 1, 2, ...; 0: none.
+    """Return the number of the held burn that thrusts: 1, 2, ...; 0: none.
 
     Args:
         start: record NAVIGATION.
@@ -230,7 +228,7 @@ def held_number(start: Record, arcs: NDArray[Any], sequence: Record) -> int:
 
 @kernel
 def begin_mass(start: Record, arcs: NDArray[Any]) -> float:
-    """Mass at the start: the navigation state's, or the stack's if that is not positive."""
+    """Return the mass at the start, kg: of the navigation state if positive, else the stack's."""
     if start.mass > 0.0:
         return start.mass
     return arcs[start.arc].stack_mass
@@ -240,14 +238,17 @@ def begin_mass(start: Record, arcs: NDArray[Any]) -> float:
 def propellant_used(
     start: Record, mass: float, arcs: NDArray[Any], jettisons: NDArray[Any]
 ) -> float:
-    """Propellant that the present stage has burnt so far, kg: what its stack has lost."""
+    """Return the propellant of the current stage burnt before the start, kg.
+
+    It is the loaded mass of the stack minus the mass.
+    """
     full = loaded_mass(arcs[start.arc].stage, arcs, jettisons, start.jettisoned)
     return max(0.0, full - mass)
 
 
 @kernel
 def last_tail(start: Record, arcs: NDArray[Any]) -> tuple[int, float]:
-    """Burn whose tail-off may still run in the coast after it, and its cut-off time, s.
+    """Return the burn whose tail-off may run at the start, and its cut-off time, s.
 
     Returns:
         index of the arc, -1 if there is none, and the time.
@@ -263,12 +264,12 @@ def last_tail(start: Record, arcs: NDArray[Any]) -> tuple[int, float]:
 
 
 class Times(NamedTuple):
-    """The times that make a timetable.
+    """Hold the unknown times of a timetable.
 
     Attributes:
         heating: HEATING_*.
-        jettisons: s, per heating jettison not done at the start, in the order of the file.
-        ends: s, per free arc still to end before the last, in flight order.
+        jettisons: times of the heating jettisons to come, s, in the order of the file.
+        ends: ends of the free arcs before the last, s, in flight order.
         cutoff: cut-off command, s.
     """
 
@@ -282,7 +283,7 @@ class Times(NamedTuple):
 def begin_sequence(
     start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], sequence: Record
 ) -> None:
-    """Where the flight stands at the start.
+    """Set the sequence to the state at the start.
 
     Args:
         start: record NAVIGATION.
@@ -305,7 +306,7 @@ def begin_sequence(
 
 @kernel
 def heating_index(start: Record, jettisons: NDArray[Any], j: int) -> int:
-    """Which of the unknown jettisons ``j`` is: 0, 1, ..."""
+    """Return the index of jettison ``j`` among those with unknown times."""
     index = 0
     for i in range(j):
         if awaits_heating(jettisons, start.jettisoned, i):
@@ -317,7 +318,7 @@ def heating_index(start: Record, jettisons: NDArray[Any], j: int) -> int:
 def due_time(
     start: Record, jettisons: NDArray[Any], j: int, times: Times, sequence: Record
 ) -> float:
-    """When jettison ``j`` is due, s; inf: gone, or not decided."""
+    """Return the time, s, at which jettison ``j`` is due; inf: gone, or not determined."""
     if not aboard(sequence.jettisoned, j):
         return math.inf
     heating_time = sequence.time
@@ -334,7 +335,7 @@ def due_time(
 
 @kernel
 def arc_end(start: Record, arcs: NDArray[Any], times: Times, sequence: Record) -> float:
-    """When the present arc, not the last, ends by the clock or by plan, s."""
+    """Return the end of the current arc, not the last, by the clock or by unknown, s."""
     k = sequence.arc
     if ends_by_plan(k, arcs):
         return times.ends[free_index(start, arcs, k)]
@@ -342,8 +343,8 @@ def arc_end(start: Record, arcs: NDArray[Any], times: Times, sequence: Record) -
 
 
 @kernel
-def burnt_out(sequence: Record, arcs: NDArray[Any]) -> bool:
-    """Whether the present burn, of fixed length, has used up its stage's propellant."""
+def is_depleted(sequence: Record, arcs: NDArray[Any]) -> bool:
+    """Return true if the current burn, of fixed length, has depleted its stage."""
     arc = arcs[sequence.arc]
     left = arc.propellant - sequence.propellant_used
     fixed = arc.kind == BURN and not ends_by_plan(sequence.arc, arcs)
@@ -351,16 +352,16 @@ def burnt_out(sequence: Record, arcs: NDArray[Any]) -> bool:
 
 
 @kernel
-def pass_instant(
+def execute_events(
     start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], times: Times, sequence: Record
 ) -> None:
-    """Carry out everything that falls on the present instant but the last cut-off.
+    """Execute all events at the current instant, except the last cut-off.
 
     Args:
         start: record NAVIGATION.
         arcs: dtype ARC.
         jettisons: dtype JETTISON.
-        times: unknown ones.
+        times: unknown times.
         sequence: record SEQUENCE. Changed.
     """
     now = sequence.time + SAME_TIME
@@ -380,15 +381,15 @@ def pass_instant(
             end_thrust(sequence, arcs)
             enter_arc(sequence, sequence.arc + 1, arcs, jettisons)
             changed = True
-        elif burnt_out(sequence, arcs):
+        elif is_depleted(sequence, arcs):
             following = min(arc_after_burnout(sequence.arc, arcs), last)
             enter_arc(sequence, following, arcs, jettisons)
             changed = True
 
 
 @kernel
-def note_begin(layout: Record, k: int) -> None:
-    """Arc ``k`` begins now."""
+def store_begin(layout: Record, k: int) -> None:
+    """Store the begin of arc ``k``, at the current instant."""
     begin = layout.begins[k]
     begin.time = layout.sequence.arc_start_time
     begin.used = layout.sequence.propellant_used
@@ -400,22 +401,22 @@ def note_begin(layout: Record, k: int) -> None:
 
 
 @kernel
-def pass_instant_moving(
+def execute_events_with_derivatives(
     start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], times: Times, layout: Record
 ) -> None:
-    """As :func:`pass_instant`, with how what begins here moves with the unknown times."""
+    """Execute :func:`execute_events` and update the derivatives of all begins."""
     sequence = layout.sequence
     arc = sequence.arc
     tail = sequence.tail_arc
     ignited = sequence.ignited_stage
-    pass_instant(start, arcs, jettisons, times, sequence)
+    execute_events(start, arcs, jettisons, times, sequence)
     for k in range(arc + 1, sequence.arc + 1):
         if arcs[k].begins_stage == 1:
-            # the mass is reset
+            # the mass of the new stack does not depend on the unknowns
             for c in range(layout.moves):
                 layout.mass_by[c] = 0.0
                 layout.used_by[c] = 0.0
-        note_begin(layout, k)
+        store_begin(layout, k)
     if sequence.ignited_stage != ignited:
         for c in range(layout.moves):
             layout.ignition_by[c] = layout.now_by[c]
@@ -426,11 +427,11 @@ def pass_instant_moving(
 
 @kernel
 def throttle(arc: Record, mass: float) -> tuple[float, float]:
-    """Fraction of full thrust of a burn at a mass, kg, and how fast it fades, 1/s."""
+    """Return the throttle of a burn at a mass, kg, and the rate at which it falls, 1/s."""
     if not arc.max_acceleration < math.inf:
         return 1.0, 0.0
     limit = arc.thrust / arc.max_acceleration
-    # on a boundary, the side that follows it
+    # at a limit, take the side after it
     mass *= 1.0 - SAME_MASS
     if mass > limit:
         return 1.0, 0.0
@@ -441,10 +442,10 @@ def throttle(arc: Record, mass: float) -> tuple[float, float]:
 
 @kernel
 def write_throttle_end(arc: Record, layout: Record, segment: Record) -> None:
-    """Let a segment end where its burn begins or ends to be throttled in proportion to its mass.
+    """End a segment where throttling in proportion to the mass begins or ends.
 
     Args:
-        arc: of the segment.
+        arc: arc of the segment.
         layout: record LAYOUT.
         segment: record SEGMENT with its thrust. Changed.
     """
@@ -471,10 +472,10 @@ def write_throttle_end(arc: Record, layout: Record, segment: Record) -> None:
 
 @kernel
 def write_burnout(arc: Record, layout: Record, segment: Record) -> None:
-    """Let a segment end where the stage's propellant is gone, unless something comes before.
+    """End a segment at the depletion of its stage, unless it ends before.
 
     Args:
-        arc: of the segment, a burn of fixed length.
+        arc: arc of the segment, a burn of fixed length.
         layout: record LAYOUT.
         segment: record SEGMENT with its thrust. Changed.
     """
@@ -501,7 +502,7 @@ def write_burnout(arc: Record, layout: Record, segment: Record) -> None:
 
 @kernel
 def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
-    """Thrust and mass flow just after the present instant, with their slopes."""
+    """Write thrust and mass flow just after the current instant, with their slopes."""
     segment.thrust = 0.0
     segment.thrust_slope = 0.0
     segment.flow = 0.0
@@ -534,7 +535,7 @@ def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
 
 @kernel
 def end_with(segment: Record, at: float, moves: int, source: NDArray[np.float64]) -> None:
-    """Let a segment end at ``at``, a fixed time after what moves by ``source``."""
+    """End a segment at ``at``, s, with the derivatives ``source``."""
     segment.end = at
     segment.end_heating = -1
     segment.end_arc = -1
@@ -544,7 +545,7 @@ def end_with(segment: Record, at: float, moves: int, source: NDArray[np.float64]
 
 @kernel
 def end_by_unknown(segment: Record, at: float, moves: int, column: int) -> None:
-    """Let a segment end at an unknown time, or with no column (-1) at a given one."""
+    """End a segment at an unknown time, or at a given one if ``column`` is -1."""
     segment.end = at
     segment.end_heating = -1
     segment.end_arc = -1
@@ -556,7 +557,7 @@ def end_by_unknown(segment: Record, at: float, moves: int, column: int) -> None:
 
 @kernel
 def write_knots(arcs: NDArray[Any], layout: Record, segment: Record) -> None:
-    """Let a segment end at the next knot of a running thrust curve, if there is one."""
+    """End a segment at the next knot of a running thrust curve, if there is one."""
     sequence = layout.sequence
     moves = layout.moves
     now = sequence.time + SAME_TIME
@@ -582,13 +583,13 @@ def write_arc_end(
     layout: Record,
     segment: Record,
 ) -> None:
-    """Let a segment end with its arc, not the last one, or with the stage's propellant.
+    """End a segment with its arc, not the last one, or at depletion of its stage.
 
     Args:
         start: record NAVIGATION.
         arcs: dtype ARC.
         drops: number of unknown jettison times.
-        times: unknown ones.
+        times: unknown times.
         layout: record LAYOUT.
         segment: record SEGMENT with its thrust. Changed.
     """
@@ -618,14 +619,14 @@ def write_end(
     layout: Record,
     segment: Record,
 ) -> None:
-    """When a segment ends, and how that moves with the unknown times.
+    """Write the end of a segment and its derivatives by the unknown times.
 
     Args:
         start: record NAVIGATION.
         arcs: dtype ARC.
         jettisons: dtype JETTISON.
-        times: unknown ones.
-        layout: record LAYOUT, at the segment's begin.
+        times: unknown times.
+        layout: record LAYOUT, at the begin of the segment.
         segment: record SEGMENT with its thrust. Changed.
     """
     sequence = layout.sequence
@@ -658,7 +659,7 @@ def write_end(
 
 @kernel
 def begin_segment(layout: Record, arcs: NDArray[Any], segment: Record) -> None:
-    """What a segment, its thrust known, has at its begin, and how that moves.
+    """Write the begin of a segment and its derivatives by the unknown times.
 
     Args:
         layout: record LAYOUT.
@@ -682,7 +683,7 @@ def begin_segment(layout: Record, arcs: NDArray[Any], segment: Record) -> None:
     for c in range(layout.moves):
         segment.start_by[c] = layout.now_by[c]
         segment.mass_by[c] = layout.mass_by[c]
-        # along the curves that run
+        # by the slopes of the running thrust curves
         into_arc = layout.now_by[c] - layout.arc_start_by[c]
         into_tail = layout.now_by[c] - layout.tail_start_by[c]
         segment.thrust_by[c] = (
@@ -694,8 +695,8 @@ def begin_segment(layout: Record, arcs: NDArray[Any], segment: Record) -> None:
 
 
 @kernel
-def pass_segment(segment: Record, layout: Record) -> None:
-    """Count to the end of a segment."""
+def advance_over_segment(segment: Record, layout: Record) -> None:
+    """Advance the construction to the end of a segment."""
     sequence = layout.sequence
     begin = layout.begins[sequence.arc]
     length = segment.end - sequence.time
@@ -733,9 +734,9 @@ def fill_timetable(
             jettisoned.
         arcs: dtype ARC. The last one is the burn that ends at ``times.cutoff``.
         jettisons: dtype JETTISON.
-        times: unknown ones.
+        times: unknown times.
         segments: dtype SEGMENT, shape (MAX_SEGMENTS,), written.
-        layout: record LAYOUT, to count in; where each arc begins stands there afterwards.
+        layout: record LAYOUT, written; on return it has the begins of all arcs.
 
     Returns:
         number of segments; 0 if there are too many, an arc ends before it begins, or a burn
@@ -752,9 +753,9 @@ def fill_timetable(
         layout.arc_start_by[c] = 0.0
         layout.tail_start_by[c] = 0.0
         layout.ignition_by[c] = 0.0
-    note_begin(layout, sequence.arc)
+    store_begin(layout, sequence.arc)
     for count in range(MAX_SEGMENTS + 1):
-        pass_instant_moving(start, arcs, jettisons, times, layout)
+        execute_events_with_derivatives(start, arcs, jettisons, times, layout)
         due = sequence.arc == arcs.shape[0] - 1 and times.cutoff <= sequence.time + SAME_TIME
         if due and sequence.inserted == 0:
             if count == 0 or segments[count - 1].arc != sequence.arc:
@@ -774,7 +775,7 @@ def fill_timetable(
         if not segment.end < math.inf or segment.end < sequence.time:
             return 0
         begin_segment(layout, arcs, segment)
-        pass_segment(segment, layout)
+        advance_over_segment(segment, layout)
     return 0
 
 
@@ -786,7 +787,7 @@ def build_timetable(
     times: Times,
     segments: NDArray[Any],
 ) -> int:
-    """As :func:`fill_timetable`, where only the segments are wanted."""
-    # a record does not keep its array alive: who allocates it lends it to another
+    """Fill ``segments`` as :func:`fill_timetable` does, with a layout of its own."""
+    # a record does not keep its array alive: the array must live in this caller
     layout = np.zeros(1, LAYOUT)
     return fill_timetable(start, arcs, jettisons, times, segments, layout[0])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight again, by physics written a second time."""
+"""Verify solutions by a flight with physics written a second time."""

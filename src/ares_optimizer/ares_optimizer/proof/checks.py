@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight judged: figures, and constraint by constraint what holds.
+"""Check a flight constraint by constraint, and compute its figures.
 
-Whether the target is met is the word of the judge of every flight (:mod:`ares_models.judge`).
+:mod:`ares_models.judge`, the judge of every flight, decides if the target is met.
 """
 
 import math
@@ -25,11 +25,11 @@ from ares_optimizer.targets import half_turn, in_unit, rows_of, target_rows
 
 Array = NDArray[np.float64]
 
-_ACTIVE = 1e-3  # an inequality this close to its limit, relatively, is active
+_ACTIVE = 1e-3  # relative distance to its limit within which an inequality is active
 
 
 def judged_end(arrays: MissionArrays, flight: Flight) -> Judgement:
-    """Return what the judge says of the end of a flight.
+    """Return the judgement on the end of a flight.
 
     Args:
         arrays: the mission.
@@ -56,7 +56,7 @@ def _lowest(arrays: MissionArrays, flight: Flight) -> float:
 def constraint_table(
     arrays: MissionArrays, start: Record, flight: Flight, heating: Heating
 ) -> tuple[ConstraintCheck, ...]:
-    """Constraint by constraint: value, limit, active, met.
+    """Check all constraints: value, limit, active, satisfied.
 
     Args:
         arrays: the mission.
@@ -84,7 +84,7 @@ def constraint_table(
 
 
 def _target_checks(arrays: MissionArrays, flight: Flight) -> list[ConstraintCheck]:
-    """Return a check of all that the judge judges, with the figures of the proof itself."""
+    """Return the checks of the target elements, with values computed by the proof."""
     target = arrays.target[0]
     figures = elements(flight.final[:3], flight.final[3:6], float(arrays.environment[0]["mu"]))
     judged = judged_end(arrays, flight)
@@ -106,7 +106,10 @@ def _target_checks(arrays: MissionArrays, flight: Flight) -> list[ConstraintChec
 def _jettison_checks(
     arrays: MissionArrays, start: Record, flight: Flight, heating: Heating
 ) -> list[ConstraintCheck]:
-    """Return the checks of what is dropped; of what is never to be dropped there is none."""
+    """Return the checks of the jettisons.
+
+    A jettison that never happens by the mission has none.
+    """
     checks = []
     limits = []
     for j, jettison in enumerate(arrays.jettisons):
@@ -117,7 +120,7 @@ def _jettison_checks(
         at = flight.at_jettison[j]
         if at is None:
             if math.isfinite(limit):
-                # a limit that is ignored holds nothing
+                # an ignored limit does not require the drop
                 checks.append(_left_on(j, heated and heating is Heating.IGNORED))
         elif heated:
             limits.append(limit)
@@ -138,7 +141,10 @@ def _jettison_checks(
 
 
 def _left_on(jettison: int, forgiven: bool) -> ConstraintCheck:
-    """Return the check of what is still on at the cut-off."""
+    """Return the failed check of a jettison that did not happen before cut-off.
+
+    The check is satisfied if ``forgiven``.
+    """
     return ConstraintCheck(
         Check.JETTISON_BEFORE_CUTOFF,
         f"jettison {jettison} before cut-off",
@@ -171,7 +177,7 @@ def _at_most(
 
 
 def verification(arrays: MissionArrays, flight: Flight, nodes: Array | None) -> Verification:
-    """Figures of a flight, with the distance of a solver's own nodes from it.
+    """Return the figures of a flight, and the distances of a solver's nodes from it.
 
     Args:
         arrays: the mission.

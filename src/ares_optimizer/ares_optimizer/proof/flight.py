@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Proof by an integrator of another make.
+"""Verify a solution by an independent integrator.
 
-The flight is flown again from the mission's plain data by SciPy's DOP853 (Hairer, Norsett,
-Wanner), with the sequence of events, the gravity, the heating and the orbit written here a
-second time in NumPy: nothing of the solver's kernels is used. What differs is the solver's
-error.
+SciPy's DOP853 (Hairer, Norsett, Wanner) integrates the flight again from the mission's arrays. The
+sequence of events, gravity, heating and orbit are written a second time here in NumPy, without any
+of the solver's kernels, so a difference is an error of the solver.
 """
 
 import math
@@ -34,11 +33,11 @@ from ares_optimizer.solution import FlownArc, SteeringArc, Trajectory, joined
 
 Array = NDArray[np.float64]
 
-#: Thrust direction within one piece of the flight: unit vector, shape (3,), at a time in s.
+#: Thrust direction within a piece: unit vector, shape (3,), at a time in s.
 Direction = Callable[[float], Array]
-#: State within one piece: position, velocity and mass, shape (7,) or (7, n), at one time or n, s.
+#: State within a piece: position, velocity and mass, shape (7,) or (7, n), at one time or n, s.
 State = Callable[[Any], Array]
-#: Gives the direction for the piece between two times in s.
+#: Direction of the piece between two times in s.
 Steering = Callable[[float, float], Direction]
 
 RELATIVE_TOLERANCE = 1e-11
@@ -50,11 +49,11 @@ _SIDE = 1e-6
 
 
 class Piece(NamedTuple):
-    """A smooth piece of a flight.
+    """Hold a smooth piece of a flight.
 
     Attributes:
         begin, end: s.
-        state: within it.
+        state: state at a time.
         engine: thrust in N and mass flow in kg/s, at a time in s and a mass in kg.
     """
 
@@ -66,17 +65,17 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight as integrated here.
+    """Hold a flight as integrated here.
 
     Attributes:
         plan: its sequence.
-        trajectory: samples, events twice.
+        trajectory: samples, two at each event.
         final: shape (7,): position m, velocity m/s, mass kg.
         at_jettison: per jettison of the mission, (heating W/m2, time s) or None.
         peak_w_m2: greatest heating after the last heating-limited jettison; nan without one.
-        peak_time_s: when.
+        peak_time_s: time of that peak.
         pieces: in order of time.
-        used_kg: propellant that the last stage has burnt at the end.
+        used_kg: propellant of the last stage burnt by the end.
     """
 
     plan: Plan
@@ -90,15 +89,15 @@ class Flight:
 
     @property
     def whole(self) -> bool:
-        """Tell if the flight lasts to the end of its plan."""
+        """Return true if the flight lasts to the end of its plan."""
         return self.pieces[-1].end >= self.plan.end - _SAME_TIME
 
     def defects(self, nodes: Array) -> tuple[float, float, float]:
-        """Greatest distance of a solver's nodes from this flight.
+        """Return the largest distances of a solver's nodes from this flight.
 
         Args:
-            nodes: shape (k, 8): time s, position m, velocity m/s, mass kg. At an event
-                either side of it counts.
+            nodes: shape (k, 8): time s, position m, velocity m/s, mass kg. At an event the
+                nearer side counts.
 
         Returns:
             distance in m, in m/s and in kg.
@@ -118,7 +117,7 @@ class Flight:
 
 
 def steering_of(arcs: Sequence[SteeringArc]) -> Steering:
-    """Steering of a solution's arcs; a time outside keeps to the nearest arc."""
+    """Return the steering of a solution's arcs; a time outside uses the nearest arc."""
 
     def steering(begin: float, end: float) -> Direction:
         middle = 0.5 * (begin + end)
@@ -136,7 +135,10 @@ def steering_of(arcs: Sequence[SteeringArc]) -> Steering:
 
 
 def _stack_mass(arrays: MissionArrays, arc: int, done: set[int]) -> float:
-    """Mass when an arc begins a stage: its stack, and what of stages below was not dropped, kg."""
+    """Return the mass at the begin of a stage, kg.
+
+    It is that of the stack and of jettisons of earlier stages that have not been dropped.
+    """
     stage = arrays.arcs[arc]["stage"]
     return float(arrays.arcs[arc]["stack_mass"]) + sum(
         float(jettison["mass"])
@@ -152,11 +154,11 @@ def _integrate(
     span: tuple[float, float],
     y: Array,
 ) -> tuple[Piece, Array]:
-    """Eq. 2.1 over one smooth piece.
+    """Integrate Eq. 2.1 over one smooth piece.
 
     Returns:
-        the piece, shorter than asked where the flight falls to the centre of the attraction, and
-        the state at its end, shape (7,).
+        the piece, shorter than ``span`` if the flight falls to the centre of attraction, and the
+        state at its end, shape (7,).
     """
     environment = arrays.environment[0]
     engines = running(plan.engines, *span)
@@ -193,7 +195,7 @@ def _sampled(
     period: float,
     ends: tuple[Array, Array],
 ) -> Trajectory:
-    """A piece every ``period`` s, and at its ends, where the states are known."""
+    """Sample a piece every ``period`` s, and at its ends, whose states are given."""
     count = max(2, math.ceil((piece.end - piece.begin) / period) + 1)
     grid = np.linspace(piece.begin, piece.end, count)
     states = piece.state(grid).T
@@ -212,7 +214,7 @@ def _sampled(
 def _greatest_heating(
     arrays: MissionArrays, state: State, track: Trajectory
 ) -> tuple[float, float]:
-    """Greatest heating over one piece, W/m2, and its time, s."""
+    """Return the greatest heating over a piece, W/m2, and its time, s."""
     grid, values = track.time_s, track.heating_rate
     best = int(np.argmax(values))
     if not 0 < best < len(grid) - 1:
@@ -234,7 +236,7 @@ def fly(
     t_meco: float,
     boundaries: Sequence[float] = (),
 ) -> Flight:
-    """Integrate a flight, as far as it goes where it falls to the centre of the attraction.
+    """Integrate a flight to its end, or until it falls to the centre of attraction.
 
     Args:
         arrays: the mission.
@@ -242,7 +244,7 @@ def fly(
         steering: thrust direction per piece.
         jettison_times: s, one per jettison of the mission; nan: not dropped.
         t_meco: cut-off command, s.
-        boundaries: further times at which the steering has a kink, s.
+        boundaries: further times at which the steering is not smooth, s.
     """
     jettisons = arrays.jettisons
     plan = plan_flight(arrays, start, t_meco)
@@ -307,10 +309,10 @@ def fly(
 
 
 def flown_arcs(arrays: MissionArrays, start: Record, t_meco: float) -> tuple[FlownArc, ...]:
-    """The arcs from the start on, with their times.
+    """Return the arcs from the start on, with their times.
 
     Args:
-        arrays: the mission, the lengths of its arcs given.
+        arrays: the mission, with arcs of given lengths.
         start: record NAVIGATION.
         t_meco: cut-off command, s.
     """

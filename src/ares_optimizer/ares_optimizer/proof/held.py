@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Burns in held attitude: is the direction flown the best one?
+"""Check that the direction of each burn in held attitude is the optimal one.
 
-The best direction lies along the integral of lambda_v T/m over the burn. Thrust and mass are
-those of the proof's own flight, the costates those of the solution, and the integral is Gauss'.
+The optimal direction is parallel to the integral of lambda_v T/m over the burn. Thrust and mass are
+those of the verified flight, the costates those of the solution; quadrature is by Gauss-Legendre.
 """
 
 import math
@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _SAME_TIME = 1e-9  # s
-_SAME_DIRECTION_DEG = 0.05  # costs 4e-7 of the velocity that the burn gives
+_SAME_DIRECTION_DEG = 0.05  # costs 4e-7 of the velocity gain of the burn
 
 
 def _primer_in(piece: Piece, costates: Costates) -> CubicHermiteSpline:
-    """lambda_v within a piece: a jettison stands twice among the samples."""
+    """Return lambda_v within a piece; a jettison has two samples."""
     times = costates.time_s
     first = int(np.flatnonzero(times <= piece.begin + _SAME_TIME)[-1])
     last = int(np.flatnonzero(times >= piece.end - _SAME_TIME)[0])
@@ -38,18 +38,18 @@ def _held_arcs(arrays: MissionArrays, flight: Flight) -> list[int]:
 def held_offsets(
     arrays: MissionArrays, flight: Flight, steering: Steering, costates: Costates
 ) -> tuple[float, ...]:
-    """Per held burn flown: angle between its direction and what lambda_v pulls towards, deg.
+    """Return the angle of each held direction from the optimal one, deg.
 
     Args:
         arrays: the mission.
         flight: from :func:`fly`.
-        steering: that it was flown with; the greatest angle of any piece counts.
+        steering: of the flight; the largest angle of any piece counts.
         costates: of the solution.
     """
     offsets = []
     for k in _held_arcs(arrays, flight):
         engines = [engine for engine in flight.plan.engines if engine.arc == k]
-        pull = np.zeros(3)
+        impulse = np.zeros(3)
         directions = []
         for piece in flight.pieces:
             middle = 0.5 * (piece.begin + piece.end)
@@ -60,17 +60,17 @@ def held_offsets(
             for x, weight in zip(*_GAUSS, strict=True):
                 t = middle + half * x
                 mass = float(piece.state(t)[6])
-                pull += half * weight * piece.engine(t, mass)[0] / mass * primer(t)
-            towards = steering(piece.begin, piece.end)
-            directions += [towards(piece.begin), towards(piece.end)]
-        offsets.append(max((_angle_deg(w, pull) for w in directions), default=0.0))
+                impulse += half * weight * piece.engine(t, mass)[0] / mass * primer(t)
+            direction = steering(piece.begin, piece.end)
+            directions += [direction(piece.begin), direction(piece.end)]
+        offsets.append(max((_angle_deg(w, impulse) for w in directions), default=0.0))
     return tuple(offsets)
 
 
 def held_checks(
     arrays: MissionArrays, flight: Flight, offsets: tuple[float, ...]
 ) -> tuple[ConstraintCheck, ...]:
-    """The angles of :func:`held_offsets` beside 0."""
+    """Return checks on the angles of :func:`held_offsets`."""
     return tuple(
         ConstraintCheck(
             Check.HELD_DIRECTION,
@@ -87,7 +87,7 @@ def held_checks(
 
 
 def held_obstacle(checks: tuple[ConstraintCheck, ...]) -> Cause | None:
-    """Why a flight is no optimum, if a held direction is not the best one."""
+    """Return the cause if a held direction is not optimal, else None."""
     for check in checks:
         if not check.satisfied:
             reason = f"{check.name} is {check.value:,.3g} deg off the best one"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gravity, heating and the orbit, in NumPy."""
+"""Compute gravity, heating and orbital elements in NumPy."""
 
 import math
 
@@ -13,12 +13,12 @@ from ares_models.arrays import (
 )
 
 Array = NDArray[np.float64]
-#: Log of a density that no atmosphere has; its exponential is a number.
+#: Upper bound of the log of density, whose exponential is finite.
 _DENSEST = 300.0
 
 
 def gravity(r: Array, environment: Record) -> Array:
-    """Gravitational acceleration, m/s2: Eq. 2.13, with J2 if the mission has it."""
+    """Return the gravitational acceleration, m/s2: Eq. 2.13, with J2 if the mission has it."""
     square = float(r @ r)
     g = -float(environment["mu"]) / square**1.5 * r
     j2 = float(environment["j2"])
@@ -68,7 +68,7 @@ def heating(r: Array, v: Array, arrays: MissionArrays) -> Array:
 
 
 def elements(r: Array, v: Array, mu: float) -> dict[str, float]:
-    """Orbit and flight-path figures of a state by the fields of TARGET: SI, angles in deg.
+    """Return the elements of a state by the fields of TARGET: SI, angles in deg.
 
     Returns:
         radius, speed, flight_path_angle, inclination, ascending_node,

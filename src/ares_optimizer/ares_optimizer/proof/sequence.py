@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who thrusts when, and where the mass changes: laid out from the mission's plain data."""
+"""Lay out the times of thrust and staging from the mission's arrays."""
 
 import math
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ _SAME_TIME = 1e-9  # s
 
 @dataclass(frozen=True)
 class Engine:
-    """One arc's thrust: its own curve, or its tail after the cut-off command."""
+    """Hold the thrust interval of one arc: its own curve, or its tail-off."""
 
     arc: int
     begin: float
@@ -32,15 +32,15 @@ class Engine:
 
 @dataclass
 class Plan:
-    """Who thrusts when, and where the mass changes.
+    """Hold the times of thrust, arcs and staging.
 
     Attributes:
-        engines: thrust curves that run, in order of time.
+        engines: thrust intervals, in order of time.
         stagings: (time s, arc that begins a stage).
         arcs: (arc, begin s, end s) in order of time.
-        breaks: times at which the equations of motion change their form, s.
+        breaks: times at which the right-hand side is not smooth, s.
         end: end of thrust, s.
-        used_kg: propellant that the last stage has burnt at the end, at full thrust.
+        used_kg: propellant of the last stage burnt by the end, at full thrust.
     """
 
     engines: list[Engine] = field(default_factory=list)
@@ -57,7 +57,7 @@ def _curve(arc: Record, name: str) -> tuple[Array, Array]:
 
 
 def thrust_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
-    """Fraction of full thrust at a time."""
+    """Return the fraction of full thrust at a time."""
     times, fractions = _curve(arcs[engine.arc], "tail" if engine.tail else "start")
     if not len(times):
         return 1.0
@@ -65,7 +65,7 @@ def thrust_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
 
 
 def flow_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
-    """Fraction of the full mass flow at a time: that of the thrust, but where a table says it."""
+    """Return the fraction of full mass flow at a time: tabled, or that of the thrust."""
     arc = arcs[engine.arc]
     if engine.tail or not arc["tabled"]:
         return thrust_fraction(arcs, engine, t)
@@ -74,7 +74,7 @@ def flow_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
 
 
 def _burnt(arcs: NDArray[np.void], engines: Sequence[Engine], begin: float, end: float) -> float:
-    """Propellant that the given curves take between two times, kg."""
+    """Return the propellant of the given thrust intervals between two times, kg."""
     total = 0.0
     for engine in engines:
         low, high = max(begin, engine.begin), min(end, engine.end)
@@ -96,12 +96,12 @@ def _burnout(
     low: float,
     high: float,
 ) -> float:
-    """Time at which the propellant ``left`` at ``begin`` is gone, s."""
+    """Return the time at which the propellant ``left`` at ``begin`` is depleted, s."""
     return float(brentq(lambda t: _burnt(arcs, engines, begin, t) - left, low, high, xtol=1e-12))
 
 
 def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float) -> list[Engine]:
-    """The tail-off that is not over when a flight starts in the coast after it."""
+    """Return the tail-off still running at a start in the coast after it."""
     for k in range(present, 0, -1):
         if arcs[k]["begins_stage"] == 1:
             break
@@ -115,7 +115,7 @@ def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float
 
 
 def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
-    """Lay the mission's arcs out in time, from the start to the end of the tail-off.
+    """Lay out the arcs of a mission in time, from the start to the end of the tail-off.
 
     Args:
         arrays: the mission.
@@ -149,9 +149,9 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         spent = False
         if arc["kind"] == BURN:
             engine = Engine(k, begin, end, False)
-            # a start may weigh less than the empty stage
+            # the start may be lighter than the empty stage
             left = max(0.0, float(arc["propellant"]) - used)
-            # a throttled burn ends by the clock: the file leaves it propellant for that
+            # a throttled burn ends by the clock: the mission file has enough propellant
             if k != last and not is_throttled(arc):
                 far = min(end, begin + 1e5)
                 trial = [*running, Engine(k, begin, far, False)]
@@ -162,7 +162,7 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
                     engine = Engine(k, begin, end, False)
             running.append(engine)
             plan.engines.append(engine)
-            # a table ends with its burn, but for rounding
+            # knots of a table up to the end of the burn, except for rounding
             knots = begin + _curve(arc, "start")[0]
             plan.breaks.update(knots[knots < end - _SAME_TIME])
             tail_times, _ = _curve(arc, "tail")
@@ -183,7 +183,7 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         begin = end
         if arcs[k]["begins_stage"] == 1:
             plan.stagings.append((begin, k))
-            # a separated stage's tail is lost
+            # the tail-off of a separated stage does not count
             plan.engines = [Engine(e.arc, e.begin, min(e.end, begin), e.tail) for e in plan.engines]
             running, used, stage_begin = [], 0.0, begin
     plan.breaks = {t for t in plan.breaks if now < t < plan.end} | {plan.end}
@@ -191,12 +191,12 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
 
 
 def is_throttled(arc: Record) -> bool:
-    """Whether a burn is held to an acceleration."""
+    """Return true if a burn has a limit of acceleration."""
     return arc["kind"] == BURN and math.isfinite(arc["max_acceleration"])
 
 
 def throttle(arc: Record, mass: float) -> float:
-    """Fraction of full thrust that a burn gives at a mass, kg."""
+    """Return the throttle, as fraction of full thrust, at a mass, kg."""
     if not is_throttled(arc):
         return 1.0
     wanted = float(arc["max_acceleration"]) * mass / float(arc["thrust"])
@@ -206,7 +206,7 @@ def throttle(arc: Record, mass: float) -> float:
 def thrust_and_flow(
     arcs: NDArray[np.void], engines: Sequence[Engine], t: float, mass: float
 ) -> tuple[float, float]:
-    """Thrust in N and mass flow in kg/s of the given curves at a time, of a vehicle of ``mass``."""
+    """Return thrust, N, and mass flow, kg/s, at a time and a mass, kg."""
     thrust = 0.0
     flow = 0.0
     for engine in engines:
@@ -219,7 +219,7 @@ def thrust_and_flow(
 def spared_by_throttle(
     arcs: NDArray[np.void], engines: Sequence[Engine], burnt: float, begin: float, end: float
 ) -> float:
-    """Propellant that the last stage did not burn in a piece because it was throttled, kg."""
+    """Return the propellant that throttling saved in the last stage in a piece, kg."""
     stage = arcs[-1]["stage"]
     if not any(is_throttled(arcs[e.arc]) and arcs[e.arc]["stage"] == stage for e in engines):
         return 0.0
@@ -227,6 +227,6 @@ def spared_by_throttle(
 
 
 def running(engines: Sequence[Engine], begin: float, end: float) -> list[Engine]:
-    """The curves that run all through a piece of the flight."""
+    """Return the thrust intervals that cover a piece of the flight."""
     middle = 0.5 * (begin + end)
     return [engine for engine in engines if engine.begin < middle < engine.end]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two-point problem: what the indirect method and law `optimal` solve."""
+"""Solve the two-point problem of the indirect method and of law `optimal`."""

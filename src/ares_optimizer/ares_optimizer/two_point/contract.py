@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What flight software may call of the optimizer: the two-point problem, solved on board.
+"""Export the two-point problem to flight software, for solution on board.
 
-Law `optimal` imports from here and from `arrays.py` beside it, and from nothing else in this
-package (`tests/test_architecture.py`). It finds an optimum once by :func:`find_optimum` and
-keeps it up by :func:`shoot` and one back substitution per cycle.
+Law `optimal` imports from here and from `arrays.py`, and from nothing else in this package
+(`tests/test_architecture.py`). It finds an optimum once by :func:`find_optimum` and updates it by
+:func:`shoot` and one back substitution per cycle.
 """
 
 from ares_optimizer.kernels.timetable import (
@@ -18,8 +18,8 @@ from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
 from ares_optimizer.two_point.kernels.shooting import free_column, shoot, unknown_count
 from ares_optimizer.two_point.kernels.tangential import (
-    carried_back,
     next_ignition,
+    propagated_back,
     tangential_primer,
 )
 
@@ -29,13 +29,13 @@ __all__ = [
     "CONVERGED",
     "HEATING_OPTIMAL",
     "MAX_UNKNOWNS",
-    "carried_back",
     "field_of",
     "find_optimum",
     "free_column",
     "gravity_terms",
     "lengths_inside",
     "next_ignition",
+    "propagated_back",
     "scaled_length",
     "shoot",
     "tangential_primer",

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Failures at every second: what a flight still reaches, and what an optimizer that knew would."""
+"""Abort maps: failures at every second, flown, and compared with the optimum."""

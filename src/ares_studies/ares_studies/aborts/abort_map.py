@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The abort map: every failure at every second, flown and set beside the optimizer that knew."""
+"""Make the abort map: fly every failure at every second, and compare with the optimum."""
 
 import math
 import threading
@@ -28,31 +28,32 @@ from ares_studies.montecarlo.engines import cores
 from ares_vehicle_sim.arrays import IMPACT
 from ares_vehicle_sim.simulator import Simulator
 
-#: Part of the optimum's final mass within which a flight is as good.
+#: Relative difference of final mass within which a flight equals the optimum.
 ACCURACY = 5e-3
-#: By so much a flight may end heavier than the optimum: its target is met within tolerances.
+#: Relative mass by which a flight may exceed the optimum, since it meets its target within
+#: tolerances only.
 _ROUNDING = 1e-4
-#: s before the cut-off, in which engines that give less come to the target's speed at another
-#: radius; to mend it then, the thrust turns far aside or burns on for a minute.
+#: Time before cut-off, s, in which engines with less thrust reach the target's speed at another
+#: radius; to correct that, the thrust must turn far aside or burn on for a minute.
 LATE_S = 60.0
-#: Points of a part of a row that one thread works through.
+#: Points of the part of a row computed by one thread.
 PART = 50
 
 
 @dataclass(frozen=True)
 class Point:
-    """One failure at one time.
+    """Hold the results of one failure at one time.
 
     Attributes:
-        at_s: when it happens.
-        failure: what fails.
-        optimum: the best end, of the optimizer that knew all along.
-        told: the same, of one that was told when it happened: no guidance does better. Where the
-            target's radius is dear, a bound: the one that knew.
-        flown: the end that guidance came to.
-        error: why there is no end; empty if there is one.
-        exact: what the target takes from who is told in the last LATE_S, if that is more than
-            ACCURACY of the mass; None elsewhere.
+        at_s: time of the failure.
+        failure: the failure.
+        optimum: best end, with the failure known from the start.
+        told: best end with the failure known from its time on: no guidance does better. If the
+            target's radius is costly (see `exact`), a bound: `optimum`.
+        flown: end of the flight with guidance.
+        error: why there is no end; "" if there is one.
+        exact: in the last LATE_S, the best end at the exact target with the failure known from its
+            time on, if that costs more than ACCURACY of the mass; None elsewhere.
     """
 
     at_s: float
@@ -65,19 +66,20 @@ class Point:
 
     @property
     def share(self) -> float:
-        """Part of the optimum's final mass that the flight is short of; nan: not to compare."""
+        """Return the relative loss of final mass against the optimum; nan without both."""
         return 1.0 - self.flown.m_f_kg / self.optimum.m_f_kg
 
     @property
     def within(self) -> bool:
-        """Whether it is flown to the same end as the optimum, and as well within ACCURACY."""
+        """Return whether the flight has the same end as the optimum, within ACCURACY."""
         return _as_good(self.flown, self.optimum)
 
     @property
     def within_told(self) -> bool:
-        """The same beside the optimizer that was told when it happened.
+        """Return whether the flight equals the optimum that knows the failure from its time on.
 
-        Where the target is dear an end near it counts, and so does the target as dear as there.
+        Where the target's radius is costly, an end near the target counts too, as does the exact
+        target at its cost.
         """
         if _as_good(self.flown, self.told) or self.near:
             return True
@@ -85,7 +87,7 @@ class Point:
 
     @property
     def near(self) -> bool:
-        """Whether the radius was let go, which was dear, and next to nothing else."""
+        """Return whether only a costly radius is missed, at the target's energy and mass."""
         return (
             self.exact is not None
             and self.flown.end is End.LOWERED
@@ -95,7 +97,7 @@ class Point:
 
     @property
     def wrong(self) -> str:
-        """Why the point is not to be believed; empty if it is."""
+        """Return why the point is implausible; "" if it is not."""
         if self.error:
             return self.error
         for name, best in (("knew", self.optimum), ("was told", self.told)):
@@ -108,9 +110,9 @@ class Point:
 
 
 def _as_good(flown: Reached, best: Reached) -> bool:
-    """Whether an end is of the same kind, and an orbit reached with as much mass.
+    """Tell whether two ends are of the same kind, and orbits reached with equal mass.
 
-    Where no orbit is in reach nothing is left to be compared.
+    Suborbital ends are not compared further.
     """
     if flown.end is not best.end:
         return False
@@ -119,7 +121,7 @@ def _as_good(flown: Reached, best: Reached) -> bool:
 
 @dataclass(frozen=True)
 class MapRow:
-    """One failure at all its times."""
+    """Hold one failure at all its times."""
 
     name: str
     points: tuple[Point, ...]
@@ -127,32 +129,32 @@ class MapRow:
 
 @dataclass(frozen=True)
 class Share:
-    """How many of how many."""
+    """Hold a count and its total."""
 
     count: int
     of: int
 
     @property
     def percent(self) -> float:
-        """nan of none."""
+        """Return the share in percent; nan if the total is 0."""
         return 100.0 * self.count / self.of if self.of else math.nan
 
 
 @dataclass(frozen=True)
 class AbortMap:
-    """All of it.
+    """Hold an abort map.
 
     Attributes:
         mission: name.
         title: of the mission.
-        law: that flew.
-        step_s: between times.
-        safe_perigee_altitude_m: of an orbit that lasts.
-        nominal: the optimum in which nothing fails.
+        law: guidance law.
+        step_s: interval between failure times, s.
+        safe_perigee_altitude_m: lowest perigee of a lasting orbit.
+        nominal: the optimum without failure.
         rows: one per failure.
-        areas: outlines of those that impacts are kept out of, by name: latitude and longitude in
-            deg, the first corner again at the end.
-        land: whether the body is the Earth, and its longitudes are known.
+        areas: outlines of the areas that impacts must avoid, by name: latitude and longitude in
+            deg, the first corner repeated at the end.
+        land: whether the body is the Earth, with known longitudes.
     """
 
     mission: str
@@ -167,25 +169,26 @@ class AbortMap:
 
     @property
     def points(self) -> list[Point]:
-        """Of all rows."""
+        """Return the points of all rows."""
         return [point for row in self.rows for point in row.points]
 
     @property
     def wrong(self) -> list[Point]:
-        """Points that are not to be believed."""
+        """Return the implausible points."""
         return [point for point in self.points if point.wrong]
 
     @property
     def outside(self) -> Share:
-        """Flights that reach no orbit and fall, and how many of them outside all areas."""
+        """Return the share of suborbital flights that fall outside all areas."""
         fallen = [point for point in self.points if point.flown.falls]
         return Share(sum(not point.flown.area for point in fallen), len(fallen))
 
     def shares(self, *, told: bool = False) -> dict[str, Share]:
-        """Points within ACCURACY, by what was in reach.
+        """Count the points within ACCURACY, by the end that was possible.
 
         Args:
-            told: beside the optimizer that was told when it happened, not the one that knew.
+            told: compare with the optimum that knows the failure from its time on, not from the
+                start.
         """
         chosen = {
             "target in reach": {End.TARGET},
@@ -204,7 +207,7 @@ class AbortMap:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """Ready for ``json.dumps(allow_nan=False)``."""
+        """Return an object for ``json.dumps(allow_nan=False)``."""
         return {
             "mission": self.mission,
             "law": self.law,
@@ -276,12 +279,12 @@ def _number(value: float, decimals: int) -> float | None:
 
 @dataclass(frozen=True)
 class MapSettings:
-    """A map as it is asked for.
+    """Hold the settings of a map.
 
     Attributes:
-        mission: whose last arc alone is free.
-        law: that flies.
-        step_s: between times.
+        mission: only its last arc is free.
+        law: guidance law.
+        step_s: interval between failure times, s.
     """
 
     mission: Mission
@@ -290,7 +293,7 @@ class MapSettings:
 
 
 def _flown_way(mission: Mission, law: str) -> NDArray[np.void]:
-    """Navigation states of the flight in which nothing fails, shape (n,), dtype NAVIGATION."""
+    """Return the navigation states of the flight without failure, shape (n,), dtype NAVIGATION."""
     simulator = Simulator(mission)
     guidance = ready_law(mission, law)
     states = []
@@ -302,21 +305,21 @@ def _flown_way(mission: Mission, law: str) -> NDArray[np.void]:
     return np.array(states, NAVIGATION)
 
 
-#: A part of a row: its number, and which of its failures.
+#: Part of a row: index of the row, slice of its failures.
 _Part = tuple[int, slice]
 
 
 class MapMaker:
-    """Makes a map, part by part, on all cores."""
+    """Compute a map part by part on all cores."""
 
     def __init__(self, settings: MapSettings):
-        """Find the flight in which nothing fails, and what can fail.
+        """Compute the flight without failure, and list the failures.
 
         Args:
-            settings: what is asked for.
+            settings: of the map.
 
         Raises:
-            OptimizerError: a mission whose failures have no time, or that does not arrive.
+            OptimizerError: the failures of the mission have no time, or it misses its target.
         """
         self._settings = settings
         self._mission = settings.mission
@@ -332,11 +335,11 @@ class MapMaker:
 
     @property
     def count(self) -> int:
-        """Points of the map."""
+        """Return the number of points of the map."""
         return sum(len(row.failures) for row in self._rows)
 
     def make(self) -> Generator[int, None, AbortMap]:
-        """Work through all points; gives how many are done, and returns the map."""
+        """Compute all points; yield the number computed, and return the map."""
         pool = ThreadPoolExecutor(cores(), thread_name_prefix="aborts")
         running: set[Future[None]] = set()
         patient = True
@@ -349,7 +352,7 @@ class MapMaker:
                     future.result()
                 yield len(self._points)
         except BaseException:
-            # what is under way is given up
+            # do not wait for running parts
             patient = False
             raise
         finally:
@@ -358,12 +361,12 @@ class MapMaker:
 
     def _parts(self) -> Iterator[_Part]:
         for i, row in enumerate(self._rows):
-            # from the last on: the later a failure, the less it changes
+            # last part first: late failures change the flight least
             for end in range(len(row.failures), 0, -PART):
                 yield i, slice(max(0, end - PART), end)
 
     def _work(self, part: _Part) -> None:
-        """One part, from its last failure to its first."""
+        """Compute one part, from its last failure to its first."""
         i, which = part
         row = self._rows[i]
         if not hasattr(self._own, "optimizer"):
@@ -374,7 +377,7 @@ class MapMaker:
         for k in reversed(numbers):
             self._points[i, k] = self._point(optimizer, row, k)
         if any(self._points[i, k].wrong for k in numbers):
-            # another extremal may lead there from the other side
+            # from the other side, the continuation may follow another extremal
             for k in numbers:
                 self._points[i, k] = self._sought_anew(optimizer, self._points[i, k])
 
@@ -389,7 +392,7 @@ class MapMaker:
             return Point(at_s, failure, NOWHERE, NOWHERE, NOWHERE, error)
 
     def _sought_anew(self, optimizer: Optimizer, point: Point) -> Point:
-        """A point with the better of its optima and those that come from the point before it."""
+        """Return a point with the better optima: its own, or continued from the point before."""
         if point.error:
             return point
         failure = point.failure
@@ -399,7 +402,7 @@ class MapMaker:
         return self._whether_dear(replace(point, optimum=optimum, told=told, exact=None))
 
     def _whether_dear(self, point: Point) -> Point:
-        """Of the last minute, the bound in place of a target that is dear."""
+        """Replace the optimum at a costly target in the last minute by its bound."""
         late = point.at_s > self._nominal.time_s - LATE_S
         burns = point.told.time_s > point.at_s + SAME_TIME
         if not (late and burns and point.optimum.end is End.TARGET):
@@ -410,7 +413,7 @@ class MapMaker:
         return replace(point, told=point.optimum, exact=point.told)
 
     def _state_before(self, failure: Failure, at_s: float) -> NDArray[np.void]:
-        """The last navigation state before a failure, shape (1,); none in which it has dropped."""
+        """Return the last navigation state before a failure takes effect, shape (1,)."""
         stuck = failure.kind is FailureKind.STUCK_JETTISON
         until = at_s - SAME_TIME if stuck else at_s + SAME_TIME
         i = int(np.searchsorted(self._way["time"], until, side="right")) - 1

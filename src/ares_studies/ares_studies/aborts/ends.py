@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a flight after a failure comes to: what the judge says, the mass, and where it falls."""
+"""Judge the end of a flight after a failure: kind, mass, impact point."""
 
 import math
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reached:
-    """The end of a flight.
+    """Hold the end of a flight.
 
     Attributes:
-        end: which.
-        m_f_kg: mass there; nan: no flight.
+        end: its kind.
+        m_f_kg: final mass; nan: no flight.
         time_s: end of the thrust.
-        lacking_m_s: speed that its energy is short of, where the target is lowest; less than 0:
-            more than was asked for.
-        perigee_altitude_m: over the equatorial radius.
-        apogee_altitude_m: the same; inf for an escape.
-        impact_deg: latitude and longitude where it would fall without air; nan: it would not.
-        area: that it falls in; empty: outside of all, or it does not fall.
-        left_on: names of what should have been jettisoned and was not.
+        lacking_m_s: speed equivalent of the missing energy, at the target's lowest point; negative
+            for an excess.
+        perigee_altitude_m: above the equatorial radius.
+        apogee_altitude_m: above the equatorial radius; inf for an escape.
+        impact_deg: latitude and longitude of the impact without drag; nan: no impact.
+        area: area of the impact; "": outside all areas, or no impact.
+        left_on: names of the parts that should have been jettisoned and were not.
     """
 
     end: End
@@ -45,31 +45,31 @@ class Reached:
 
     @property
     def falls(self) -> bool:
-        """Whether there is a place where it falls."""
+        """Return whether there is an impact point."""
         return math.isfinite(self.impact_deg[0])
 
 
-#: No flight was found.
+#: End if no flight was found.
 NOWHERE = Reached(End.SUBORBITAL, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 def better(one: Reached, other: Reached) -> Reached:
-    """The better of two ends, by kind and then by mass."""
+    """Return the better of two ends, by kind and then by mass."""
     if one.end is not other.end:
         return min(one, other, key=lambda reached: reached.end.rank)
     return other if other.m_f_kg > one.m_f_kg else one
 
 
 class Judge:
-    """Tells ends for one mission.
+    """Judge the ends of one mission's flights.
 
     Attributes:
-        safe_perigee_altitude_m: of an orbit that lasts.
-        areas: names of those that impacts are kept out of.
+        safe_perigee_altitude_m: lowest perigee of a lasting orbit.
+        areas: names of the areas that impacts must avoid.
     """
 
     def __init__(self, mission: Mission):
-        """Take what the mission asks for."""
+        """Extract the target and the areas of a mission."""
         arrays = mission.arrays()
         self.safe_perigee_altitude_m = SAFE_PERIGEE_M
         if mission.abort is not None:
@@ -90,15 +90,15 @@ class Judge:
         *,
         grounded: bool = False,
     ) -> Reached:
-        """The end that a state is.
+        """Judge a state.
 
         Args:
-            position: m, shape (3,), where the thrust is over.
+            position: m, shape (3,), at the end of the thrust.
             velocity: m/s, shape (3,).
-            m_f_kg: mass there.
-            time_s: when.
+            m_f_kg: mass.
+            time_s: time.
             jettisoned: bit k: jettison k is done.
-            grounded: whether the vehicle met the ground.
+            grounded: whether the vehicle has hit the ground.
         """
         judged = judge(
             position.tolist(),
@@ -124,7 +124,7 @@ class Judge:
         )
 
     def meets_ground(self, time_s: Array, position: Array) -> bool:
-        """Whether a way, shape (n,) and (n, 3), goes below the ground: the plant ends there."""
+        """Tell whether a trajectory, shape (n,) and (n, 3), goes below the ground."""
         return bool(geodetic(time_s, position, self._earth).height_m.min() < 0.0)
 
     def _impact(

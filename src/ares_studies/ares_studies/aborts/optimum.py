@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimizer that knew of the failure all along: the best end, from neighbour to neighbour.
+"""Solve for the best end with a failure known from the start, by continuation over failure times.
 
-What fails a second earlier is flown nearly as what fails now: each optimum is the guess of the
-next. A target that the propellant does not reach is lowered until it does: the speed that is
-taken off is the unknown of a second, outer iteration.
+The flight with a failure one second earlier is nearly the same: each optimum is the initial guess
+of the next. A target out of reach of the propellant is lowered until it is reached: the speed taken
+off is the unknown of an outer iteration.
 """
 
 import math
@@ -42,30 +42,30 @@ from ares_studies.aborts.ends import NOWHERE, Judge, Reached
 
 Array = NDArray[np.float64]
 
-#: s of burning beyond its end that counts as none.
+#: Burn time beyond its end, s, that counts as zero.
 _SAME_END_S = 1e-3
-#: Of the outer iteration: rounds, largest step, m/s, and how often a step is halved.
+#: Outer iteration: most rounds, largest step, m/s, most halvings of a step.
 _ROUNDS = 30
 _LONGEST_STEP = 300.0
 _HALVINGS = 4
-#: m/s, by which a target is lowered less than asked where it cannot be any more.
+#: Difference, m/s, between requested and possible lowering of the target that shows its limit.
 _TAKEN_WHOLE = 1e-3
-#: s between the places of a way that are held against the ground.
+#: Interval, s, between the positions checked against the ground.
 _LOOK_S = 5.0
-#: So many points in a row without an optimum, and no more is sought from nothing.
+#: Consecutive points without an optimum after which the thorough search is skipped.
 _PATIENCE = 3
 
 
 @dataclass(frozen=True)
 class _Flown:
-    """An extremal.
+    """Hold an extremal.
 
     Attributes:
         unknowns: of the two-point problem.
-        position, velocity: where the thrust is over, m and m/s.
-        m_f_kg: mass there.
-        end_s: when.
-        over_s: how long it burns beyond its end, or its propellant.
+        position, velocity: at the end of the thrust, m and m/s.
+        m_f_kg: final mass.
+        end_s: end of the thrust.
+        over_s: burn time beyond its allowed end or its propellant.
         acceleration: at cut-off, m/s2.
         jettisoned: bit k: jettison k is done.
     """
@@ -82,12 +82,12 @@ class _Flown:
 
 @dataclass
 class _Track:
-    """A family of optima on its way through the failures.
+    """Hold the state of a continuation over failures.
 
     Attributes:
-        unknowns: of the last one; None: none yet.
-        off_m_s: speed that was taken off its target.
-        in_vain: points in a row without one.
+        unknowns: of the last optimum; None before the first.
+        off_m_s: speed taken off its target.
+        in_vain: consecutive points without an optimum.
     """
 
     unknowns: Array | None = None
@@ -97,20 +97,20 @@ class _Track:
 
 @dataclass
 class _Family:
-    """The ends that are sought of one start, in their order."""
+    """Hold the continuations of one start state: to the target, to a safe orbit."""
 
     lowered: _Track
     safe: _Track
 
 
 class Optimizer:
-    """Best ends of one mission, for failures that come one after the other."""
+    """Find the best ends of one mission, for failures in consecutive order."""
 
     def __init__(self, mission: Mission, judge: Judge):
-        """Find the optimum in which nothing fails.
+        """Solve for the optimum without failure.
 
         Args:
-            mission: whose last arc alone is free.
+            mission: only its last arc is free.
             judge: of its ends.
 
         Raises:
@@ -119,7 +119,7 @@ class Optimizer:
         self._judge = judge
         self._start = mission.start().navigation()
         self._arrays = mission.arrays()
-        # refuses a mission whose failures have no time
+        # raises if the failures of the mission have no time
         begin_times(self._arrays, float(self._start["time"][0]))
         whole = Foreknown(self._arrays, math.inf)
         flown = self._solve(whole, self._start, None, thorough=True)
@@ -134,36 +134,36 @@ class Optimizer:
 
     @property
     def cutoff_s(self) -> float:
-        """Cut-off of the flight in which nothing fails."""
+        """Return the cut-off time of the flight without failure."""
         return float(self._whole.unknowns[COLUMN_CUTOFF])
 
     def forget(self) -> None:
-        """Begin with another kind of failure: the next optimum is like the flight without one."""
+        """Restart the continuation from the flight without failure, for another kind of failure."""
         first = self._whole.unknowns
         self._knew = _Family(_Track(first), _Track(first))
         self._told_late = _Family(_Track(), _Track())
 
     def knew(self, failure: Failure) -> Reached:
-        """The best end with a failure that is known from the start.
+        """Solve for the best end with a failure known from the start.
 
         Args:
-            failure: near the one before it.
+            failure: close to the previous one.
 
         Raises:
-            OptimizerError: a failure that cannot be.
+            OptimizerError: the failure is impossible.
         """
         known = foreknown(self._arrays, self._start, failure)
         return self._best(known, self._start, self._knew)
 
     def told(self, failure: Failure, state: NDArray[np.void]) -> Reached:
-        """The best end with a failure that is known from a state on.
+        """Solve for the best end with a failure known from a state on.
 
         Args:
-            failure: near the one before it.
-            state: where it is told, just before it happens: shape (1,), dtype NAVIGATION.
+            failure: close to the previous one.
+            state: last state before the failure, shape (1,), dtype NAVIGATION.
 
         Raises:
-            OptimizerError: as for :meth:`knew`.
+            OptimizerError: see :meth:`knew`.
         """
         known = foreknown(self._arrays, self._start, failure)
         row = state[0]
@@ -183,7 +183,7 @@ class Optimizer:
         return self._best(known, state, family)
 
     def _on_the_way(self, time_s: float) -> Array:
-        """Unknowns of the flight in which nothing fails, from a time on."""
+        """Return the unknowns of the flight without failure, from a time on."""
         i = int(np.searchsorted(self._costates[:, sample.TIME], time_s))
         row = self._costates[min(i, len(self._costates) - 1)]
         unknowns = self._whole.unknowns.copy()
@@ -210,9 +210,9 @@ class Optimizer:
     def _above_ground(
         self, known: Foreknown, start: NDArray[np.void], flown: _Flown | None
     ) -> _Flown | None:
-        """An extremal that nobody flies into the ground, else None.
+        """Return an extremal if it stays above the ground, else None.
 
-        The two-point problem knows of no ground.
+        The two-point problem has no ground.
         """
         if flown is None:
             return None
@@ -226,7 +226,7 @@ class Optimizer:
         )
 
     def _safe_target(self) -> NDArray[np.void]:
-        """The circle that takes the least energy of all safe orbits, in any plane."""
+        """Return the safe circular orbit of least energy as a target, in any plane."""
         mu = float(self._arrays.environment[0]["mu"])
         radius = self._judge.safe_perigee_altitude_m
         radius += float(self._arrays.environment[0]["equatorial_radius"])
@@ -242,7 +242,7 @@ class Optimizer:
         return target
 
     def _lower(self, known: Foreknown, start: NDArray[np.void], track: _Track) -> _Flown | None:
-        """The target, or as much of it as the propellant reaches; None: neither is found."""
+        """Solve for the target, lowered as far as the propellant requires; None if that fails."""
         off = origin = track.off_m_s
         step, halvings = 0.0, 0
         found = False
@@ -275,12 +275,12 @@ class Optimizer:
         return lower_target(target[0], float(self._arrays.environment[0]["mu"]), off_m_s), target
 
     def _attempt(self, known: Foreknown, start: NDArray[np.void], track: _Track) -> _Flown | None:
-        """The optimum near the last one of a track, which it follows; None: it is lost."""
+        """Continue a track to the next optimum; None if it is lost."""
         flown = self._solve(known, start, track.unknowns)
         if flown is None and track.in_vain < _PATIENCE:
             flown = self._solve(known, start, track.unknowns, thorough=True)
         if flown is None and math.isfinite(known.end_s):
-            # a fairing that waits for the heating may have no time to go
+            # a heating jettison may not come before the end
             flown = self._solve(_with_fairing(known), start, track.unknowns)
         if flown is None:
             track.in_vain += 1
@@ -307,7 +307,7 @@ class Optimizer:
         return _flown(known, start, solver, root.unknowns)
 
     def _fitting(self, guess: Array, size: int) -> Array:
-        """A guess with as many drops as there are to come; what it lacks is as without failure."""
+        """Fit a guess to the drops to come; take missing ones from the flight without failure."""
         fitting = np.zeros(size)
         fitting[: min(size, guess.size)] = guess[:size]
         fitting[guess.size :] = self._whole.unknowns[guess.size : size]
@@ -317,7 +317,7 @@ class Optimizer:
 def _flown(
     known: Foreknown, start: NDArray[np.void], solver: TwoPointSolver, unknowns: Array
 ) -> _Flown:
-    """What the last flight of a solver came to."""
+    """Return the extremal of a solver's last evaluation."""
     work = solver.work[0]
     pieces = work["segments"][: work["segment_count"]]
     arcs = known.arrays.arcs
@@ -346,13 +346,13 @@ def _flown(
 
 
 def _jettisoned(arrays: MissionArrays, end_s: float) -> int:
-    """Return the jettisons that are done at the end, a bit each: all that are not due later."""
+    """Return a bit mask of the jettisons done at the end: all that are not due later."""
     later = (arrays.jettisons["criterion"] == MISSION_TIME) & (arrays.jettisons["value"] > end_s)
     return sum(1 << j for j, late in enumerate(later) if not late)
 
 
 def _with_fairing(known: Foreknown) -> Foreknown:
-    """The same with what waits for the heating on board to the end."""
+    """Keep the parts with a heating limit on board to the end."""
     jettisons = known.arrays.jettisons.copy()
     heated = jettisons["criterion"] == HEATING_LIMIT
     jettisons["criterion"][heated] = MISSION_TIME

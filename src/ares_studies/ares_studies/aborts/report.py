@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of an abort map: time and failure, coloured by the end; masses beside the optimum."""
+"""Compose the page of an abort map: ends by time and failure, masses beside the optimum."""
 
 import math
 from collections import Counter
@@ -38,26 +38,26 @@ ENDS: Mapping[End, tuple[Role, str]] = {
     End.SAFE_ORBIT: ("third", "safe orbit"),
     End.SUBORBITAL: ("thesis", "suborbital"),
 }
-#: Who came to an end: field of `Point`, name and colour of its line.
+#: Ends compared: field of `Point`, name and colour of its line.
 WHO: tuple[tuple[str, str, Role], ...] = (
     ("optimum", "optimizer that knew", "third"),
     ("told", "optimizer told then", "other"),
     ("flown", "flown", "here"),
 )
-#: Of the width of a strip, so that what happens once can be seen.
+#: Least width of a stretch, percent of the strip, so that a single point is visible.
 _LEAST_WIDTH = 0.8
 #: Ticks below the map.
 _TICKS = 6
-#: deg beside the impact points that are farthest out.
+#: Margin around the impact points on the map, deg.
 _BESIDE_DEG = 8.0
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Times at which one end is reached, in percent of the width.
+    """Hold an interval of times with one end, in percent of the width.
 
     Attributes:
-        left, width: where.
+        left, width: its extent.
         role: its colour.
     """
 
@@ -68,12 +68,12 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Strip:
-    """The ends of one failure over time, of one of those who flew.
+    """Hold the ends of one failure over time, of one of `WHO`.
 
     Attributes:
-        who: flew.
-        text: the same in words.
-        stretches: of equal ends.
+        who: name of the line.
+        text: the ends in words.
+        stretches: intervals of equal ends.
     """
 
     who: str
@@ -83,14 +83,14 @@ class Strip:
 
 @dataclass(frozen=True)
 class MapReport:
-    """Everything on the page.
+    """Hold the contents of the page.
 
     Attributes:
         title: of the mission.
         facts: how the map was made, by name.
-        headline: how many points are as good as the optimum.
+        headline: share of points equal to the optimum.
         strips: the map, by failure.
-        ticks: times below it: percent of the width, and what is written there.
+        ticks: times below it: percent of the width, and label.
         chapters: figures and tables.
     """
 
@@ -103,22 +103,22 @@ class MapReport:
 
     @property
     def key(self) -> list[tuple[Role, str]]:
-        """Colours and names of the ends."""
+        """Return the colours and names of the ends."""
         return list(ENDS.values())
 
     def to_json(self) -> dict[str, Any]:
-        """Ready for ``json.dumps(allow_nan=False)``."""
+        """Return an object for ``json.dumps(allow_nan=False)``."""
         return asdict(self)
 
 
 def render(report: MapReport) -> str:
-    """The page, with everything in it."""
+    """Render the page as one self-contained file."""
     data = {"chapters": [asdict(chapter) for chapter in report.chapters]}
     return render_report(make_environment(__package__), report, one_line(data))
 
 
 def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
-    """What the page shows.
+    """Compose the contents of the page.
 
     Args:
         made: the map.
@@ -153,7 +153,7 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
     )
     if made.outside.of:
         chapters += (_falls_chapter(made, 1 + len(figures) + len(lacking)),)
-    # what has nothing to show is left out
+    # leave out empty chapters
     chapters = tuple(
         replace(chapter, number=k) for k, chapter in enumerate((c for c in chapters if c.items), 1)
     )
@@ -202,7 +202,7 @@ def _strip(made: AbortMap, row: MapRow, field: str, who: str) -> Strip:
 def _runs(
     row: MapRow, step_s: float, key: Callable[[Point], Any]
 ) -> Iterator[tuple[Any, list[float]]]:
-    """Stretches of times whose points are alike."""
+    """Yield intervals of times whose points have equal keys."""
     for found, points in groupby(row.points, key):
         run: list[float] = []
         for point in points:
@@ -307,7 +307,7 @@ def _beyond_table(made: AbortMap) -> Item:
 
 
 def _most(points: list[Point], field: str) -> Cell:
-    """The most by which flights are lighter than the optimum, where both reach the same orbit."""
+    """Return the largest loss of mass against the optimum among equal ends."""
     shares = [
         _short(point, getattr(point, field))
         for point in points
@@ -317,7 +317,7 @@ def _most(points: list[Point], field: str) -> Cell:
 
 
 def _short(point: Point, best: Reached) -> float:
-    """Percent of the final mass that a flight is short of; nan where the ends are not the same."""
+    """Return the loss of final mass in percent; nan if the ends differ."""
     if point.flown.end is not best.end or best.end is End.SUBORBITAL:
         return math.nan
     return 100.0 * (1.0 - point.flown.m_f_kg / best.m_f_kg)
@@ -380,7 +380,7 @@ def _lacking_figures(rows: list[MapRow]) -> list[Item]:
     return items
 
 
-# ---- where it falls
+# ---- impact points
 
 
 def _falls_chapter(made: AbortMap, figure: int) -> Chapter:
@@ -437,7 +437,7 @@ def _falls(made: AbortMap) -> Item:
 
 
 def _seen(items: list[Item]) -> list[Item]:
-    """The figures that show something."""
+    """Return the figures that have data."""
     return [
         item
         for item in items
@@ -451,7 +451,7 @@ def _title(name: str) -> str:
 
 
 def _named(kind: str, first: int, items: list[Item]) -> tuple[Item, ...]:
-    """The same with names for the tables and figures, in their order."""
+    """Assign numbers to the tables or figures, in order."""
     return tuple(
         Item(
             f"{kind}-{k}",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The failures of a mission, from its data: what can fail at which second."""
+"""List the failures of a mission: what can fail at which second."""
 
 import math
 from dataclasses import dataclass
@@ -11,18 +11,18 @@ from ares_models.failures import Failure, FailureKind
 from ares_models.mission import Mission
 from ares_optimizer.foreknown import begin_times, burning_at
 
-#: Of their thrust, that engines still give.
+#: Remaining fractions of thrust.
 LOW_THRUST = (0.9, 0.7)
 
 
 @dataclass(frozen=True)
 class FailureRow:
-    """One failure, at every time at which it can happen.
+    """Hold one failure at all its possible times.
 
     Attributes:
         name: for people.
         failures: in the order of `at_s`.
-        at_s: when each happens: its time, or that of the ignition or drop that does not come.
+        at_s: times: of the failure, or of the ignition or drop that does not occur.
     """
 
     name: str
@@ -33,16 +33,16 @@ class FailureRow:
 def failure_rows(
     mission: Mission, cutoff_s: float, drops_s: tuple[float, ...], step_s: float
 ) -> tuple[FailureRow, ...]:
-    """What can fail.
+    """List the possible failures.
 
     Args:
-        mission: whose last arc alone is free.
-        cutoff_s: of the flight in which nothing fails.
-        drops_s: of its jettisons; nan where one does not come.
-        step_s: between times.
+        mission: only its last arc is free.
+        cutoff_s: of the flight without failure.
+        drops_s: of its jettisons; nan for one that does not occur.
+        step_s: interval between failure times, s.
 
     Raises:
-        UnfitMethod: a mission that plans other arcs.
+        UnfitMethod: the mission has other free arcs.
     """
     arrays = mission.arrays()
     start_s = mission.start().time_s
@@ -99,6 +99,6 @@ def failure_rows(
 
 
 def _is_lit(arcs: np.ndarray, k: int) -> bool:
-    """Whether arc ``k``, a burn, begins with an ignition: not out of a burn of its stage."""
+    """Tell whether burn `k` begins with an ignition, not as a continuation of its stage's burn."""
     before = arcs[k - 1]
     return bool(before["kind"] != BURN or before["stage"] != arcs[k]["stage"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights as CZML, for Cesium: JSON, in packets."""
+"""Export flights as CZML, for Cesium: JSON packets."""
 
 import json
 from collections.abc import Iterator
@@ -7,14 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from ares_studies.export.globes import BURNS, WIDTH, Way, about, coordinates_of, moment, way_of
+from ares_studies.export.globes import (
+    BURNS,
+    WIDTH,
+    ExportTrack,
+    about,
+    coordinates_of,
+    moment,
+    track_of,
+)
 from ares_studies.export.recording import Export
 
 
 def as_czml(export: Export) -> bytes:
-    """A document with its clock, the vehicle with its path, a line per phase, the events."""
-    way = way_of(export)
-    begin, end = moment(export, way.time_s[0]), moment(export, way.time_s[-1])
+    """Write a CZML document: clock, vehicle with its path, a line per phase, events."""
+    track = track_of(export)
+    begin, end = moment(export, track.time_s[0]), moment(export, track.time_s[-1])
     span = f"{begin}/{end}"
     packets = [
         {
@@ -30,8 +38,8 @@ def as_czml(export: Export) -> bytes:
                 "step": "SYSTEM_CLOCK_MULTIPLIER",
             },
         },
-        _vehicle(export, way, span),
-        *_lines(export, way, end),
+        _vehicle(export, track, span),
+        *_lines(export, track, end),
         *_events(export, end),
     ]
     return json.dumps(packets, indent=1, allow_nan=False, ensure_ascii=False).encode()
@@ -41,9 +49,10 @@ def _colour(rgb: tuple[int, int, int]) -> dict[str, Any]:
     return {"rgba": [*rgb, 255]}
 
 
-def _vehicle(export: Export, way: Way, span: str) -> dict[str, Any]:
+def _vehicle(export: Export, track: ExportTrack, span: str) -> dict[str, Any]:
     samples = [
-        [round(time, 9), *place] for time, place in zip(way.time_s, way.coordinates, strict=True)
+        [round(time, 9), *place]
+        for time, place in zip(track.time_s, track.coordinates, strict=True)
     ]
     return {
         "id": "vehicle",
@@ -64,20 +73,20 @@ def _vehicle(export: Export, way: Way, span: str) -> dict[str, Any]:
     }
 
 
-def _lines(export: Export, way: Way, end: str) -> Iterator[dict[str, Any]]:
-    for number, stretch in enumerate(way.stretches):
-        points = way.coordinates[stretch.first : stretch.last + 1]
+def _lines(export: Export, track: ExportTrack, end: str) -> Iterator[dict[str, Any]]:
+    for number, phase in enumerate(track.phases):
+        points = track.coordinates[phase.first : phase.last + 1]
         for kind, on_ground in (("phase", False), ("ground", True)):
             yield {
                 "id": f"{kind}/{number}",
-                "name": stretch.name,
-                "availability": f"{moment(export, stretch.begin_s)}/{end}",
+                "name": phase.name,
+                "availability": f"{moment(export, phase.begin_s)}/{end}",
                 "polyline": {
                     "positions": {"cartographicDegrees": np.ravel(points).tolist()},
                     "width": 1 if on_ground else WIDTH,
                     "arcType": "GEODESIC" if on_ground else "NONE",
                     "clampToGround": on_ground,
-                    "material": {"solidColor": {"color": _colour(stretch.colour)}},
+                    "material": {"solidColor": {"color": _colour(phase.colour)}},
                 },
             }
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What other globes are given of a flight, in whatever format.
+"""Prepare a flight for globes of any format.
 
-All of them want a date: mission elapsed time 0 is the mission's epoch; of one that names none
-it is NO_EPOCH, which means nothing.
+All of them need dates: mission elapsed time 0 is the mission's epoch, or else NO_EPOCH, which has
+no meaning.
 """
 
 from collections.abc import Iterator
@@ -19,13 +19,13 @@ BURNS = ((255, 140, 26), (64, 156, 255), (94, 201, 98), (232, 90, 160), (240, 21
 COAST = (170, 170, 170)
 #: Width of lines, px.
 WIDTH = 3
-#: Significant places: 1e-8 deg is a millimetre on the ground.
+#: Decimals: 1e-8 deg is a millimetre on the ground.
 _DEGREES, _METRES = 8, 3
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A phase to be drawn: rows from first to last, its times in s, its colour."""
+class TrackPhase:
+    """Hold a phase to be drawn: rows from first to last, times in s, colour."""
 
     name: str
     first: int
@@ -36,16 +36,16 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Way:
-    """A flight in points that a globe can take, not more than a page has, and its stretches."""
+class ExportTrack:
+    """Hold a flight in a limited number of points, and its phases."""
 
     time_s: list[float]
     coordinates: list[tuple[float, float, float]]
-    stretches: tuple[Stretch, ...]
+    phases: tuple[TrackPhase, ...]
 
 
 def coordinates_of(places: Places) -> list[tuple[float, float, float]]:
-    """Longitude, latitude in deg, height in m: the order that globes want."""
+    """Return longitude and latitude in deg and height in m, in the order of globes."""
     return [
         (round(longitude, _DEGREES), round(latitude, _DEGREES), round(height, _METRES))
         for longitude, latitude, height in zip(
@@ -57,19 +57,19 @@ def coordinates_of(places: Places) -> list[tuple[float, float, float]]:
     ]
 
 
-def way_of(export: Export) -> Way:
-    """The way of a flight, each stretch up to where the next begins."""
+def track_of(export: Export) -> ExportTrack:
+    """Return the trajectory of a flight, each phase extended to the begin of the next."""
     truth = export.recording.truth
     rows = chosen(truth)
     picked = {name: values[rows] for name, values in truth.items()}
     coordinates = coordinates_of(export.places())
     time = picked["time"].tolist()
     phases = phases_of(picked, export.recording.mission)
-    stretches = tuple(_stretches(phases, time))
-    return Way(time, [coordinates[row] for row in rows], stretches)
+    points = [coordinates[row] for row in rows]
+    return ExportTrack(time, points, tuple(_track_phases(phases, time)))
 
 
-def _stretches(phases: tuple[Phase, ...], time: list[float]) -> Iterator[Stretch]:
+def _track_phases(phases: tuple[Phase, ...], time: list[float]) -> Iterator[TrackPhase]:
     burns = 0
     for phase in phases:
         colour = COAST
@@ -77,18 +77,18 @@ def _stretches(phases: tuple[Phase, ...], time: list[float]) -> Iterator[Stretch
             colour = BURNS[burns % len(BURNS)]
             burns += 1
         last = min(phase.last + 1, len(time) - 1)
-        yield Stretch(phase.name, phase.first, last, time[phase.first], time[last], colour)
+        yield TrackPhase(phase.name, phase.first, last, time[phase.first], time[last], colour)
 
 
 def moment(export: Export, time_s: float) -> str:
-    """Return a time of a flight, mission elapsed, as date and time in UTC, to the millisecond."""
+    """Format a mission elapsed time as date and time in UTC, to the millisecond."""
     epoch = export.recording.mission.epoch or NO_EPOCH
     at = epoch + timedelta(milliseconds=round(1000.0 * time_s))
     return at.strftime("%Y-%m-%dT%H:%M:%S.") + f"{at.microsecond // 1000:03d}Z"
 
 
 def about(export: Export) -> str:
-    """The flight in two sentences."""
+    """Describe the flight in two sentences."""
     recording = export.recording
     nothing = "" if recording.mission.epoch else ", which means nothing else"
     return (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights as KML 2.2, for Google Earth and maps: elements in the order that its schema asks for."""
+"""Export flights as KML 2.2, for Google Earth and maps, elements in the order of its schema."""
 
 from collections.abc import Sequence
 from xml.etree import ElementTree
@@ -7,46 +7,46 @@ from xml.etree.ElementTree import Element, SubElement
 
 from ares_studies.export.globes import (
     WIDTH,
-    Way,
+    ExportTrack,
     about,
     coordinates_of,
     moment,
-    way_of,
+    track_of,
 )
 from ares_studies.export.recording import Export
 
 KML = "http://www.opengis.net/kml/2.2"
-#: Extensions of Google: a track with a time at each point.
+#: Google's extensions: a track with a time at each point.
 GX = "http://www.google.com/kml/ext/2.2"
 
 Place = tuple[float, float, float]
 
 
 def as_kml(export: Export) -> bytes:
-    """A track at its height in a colour per phase, the ground track, a placemark per event."""
-    way = way_of(export)
+    """Write KML: a track coloured by phase, the ground track, a placemark per event."""
+    track = track_of(export)
     root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
     document = _named(root, "Document", export.title)
     _text(document, "description", about(export))
-    for number, stretch in enumerate(way.stretches):
+    for number, phase in enumerate(track.phases):
         for kind, width in (("flight", WIDTH), ("ground", 1)):
             style = SubElement(document, "Style", {"id": f"{kind}-{number}"})
             line = SubElement(style, "LineStyle")
-            red, green, blue = stretch.colour
+            red, green, blue = phase.colour
             _text(line, "color", f"ff{blue:02x}{green:02x}{red:02x}")
             _text(line, "width", str(width))
-    end = moment(export, way.time_s[-1])
+    end = moment(export, track.time_s[-1])
     flight = _named(document, "Folder", "flight")
     ground = _named(document, "Folder", "ground track")
-    for number, stretch in enumerate(way.stretches):
-        points = way.coordinates[stretch.first : stretch.last + 1]
-        span = moment(export, stretch.begin_s), end
-        line = _line(flight, stretch.name, span, f"flight-{number}")
+    for number, phase in enumerate(track.phases):
+        points = track.coordinates[phase.first : phase.last + 1]
+        span = moment(export, phase.begin_s), end
+        line = _line(flight, phase.name, span, f"flight-{number}")
         _points(line, "absolute", points)
-        line = _line(ground, stretch.name, span, f"ground-{number}")
+        line = _line(ground, phase.name, span, f"ground-{number}")
         _text(line, "tessellate", "1")
         _points(line, "clampToGround", points)
-    _vehicle(document, export, way)
+    _vehicle(document, export, track)
     events = _named(document, "Folder", "events")
     places = coordinates_of(export.event_places())
     for event, place in zip(export.events, places, strict=True):
@@ -75,7 +75,7 @@ def _span(feature: Element, begin: str, end: str) -> None:
 
 
 def _line(folder: Element, name: str, span: tuple[str, str], style: str) -> Element:
-    """A line that appears as it is flown, and stays; still without its points."""
+    """Add a line that appears when it is flown and stays; its points follow."""
     mark = _named(folder, "Placemark", name)
     _span(mark, *span)
     _text(mark, "styleUrl", f"#{style}")
@@ -87,12 +87,12 @@ def _points(geometry: Element, mode: str, points: Sequence[Place]) -> None:
     _text(geometry, "coordinates", " ".join(f"{x},{y},{z}" for x, y, z in points))
 
 
-def _vehicle(document: Element, export: Export, way: Way) -> None:
-    """What moves as time goes by."""
+def _vehicle(document: Element, export: Export, track: ExportTrack) -> None:
+    """Add a marker that moves with time."""
     mark = _named(document, "Placemark", export.recording.mission.title)
-    track = SubElement(mark, "gx:Track")
-    _text(track, "altitudeMode", "absolute")
-    for time in way.time_s:
-        _text(track, "when", moment(export, time))
-    for x, y, z in way.coordinates:
-        _text(track, "gx:coord", f"{x} {y} {z}")
+    element = SubElement(mark, "gx:Track")
+    _text(element, "altitudeMode", "absolute")
+    for time in track.time_s:
+        _text(element, "when", moment(export, time))
+    for x, y, z in track.coordinates:
+        _text(element, "gx:coord", f"{x} {y} {z}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is exported of a flight, put together once for all formats."""
+"""Collect the data of a flight for all export formats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Happening:
-    """An event: mission elapsed time in s, its name in words, inertial state, mass in kg."""
+class ExportEvent:
+    """Hold an event: mission elapsed time in s, name, inertial state, mass in kg."""
 
     time_s: float
     name: str
@@ -27,34 +27,34 @@ class Happening:
 
 @dataclass(frozen=True)
 class Export:
-    """A flight to be exported.
+    """Hold a flight to be exported.
 
     Attributes:
-        recording: states and what guidance said.
+        recording: states and guidance statuses.
         commands: columns of ThrustCommand, with `time` in s; may have no rows.
         events: in order of time.
-        verdict: what the flight came to, in words.
+        verdict: of the flight, in words.
     """
 
     recording: Recording
     commands: Columns
-    events: Sequence[Happening]
+    events: Sequence[ExportEvent]
     verdict: str
 
     def places(self) -> Places:
-        """Geodetic places of all states, on the mission's ellipsoid."""
+        """Return the geodetic positions of all states, on the mission's ellipsoid."""
         truth = self.recording.truth
         return geodetic(truth["time"], truth["position"], self._earth)
 
     def event_places(self) -> Places:
-        """Geodetic places of the events."""
+        """Return the geodetic positions of the events."""
         times = np.array([event.time_s for event in self.events])
         positions = np.array([event.position for event in self.events]).reshape(-1, 3)
         return geodetic(times, positions, self._earth)
 
     @property
     def title(self) -> str:
-        """Mission and law."""
+        """Return mission and law."""
         return f"{self.recording.mission.title}, {self.recording.law}"
 
     @property

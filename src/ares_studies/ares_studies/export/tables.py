@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights as tables: CSV and Parquet, each number's unit in its column's name."""
+"""Export flights as tables: CSV and Parquet, each column's unit in its name."""
 
 import io
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ares_studies.export.recording import Export
 from ares_studies.flight_page.data import Columns, States, phases_of, states_from_start
 
-#: Ends of column names and the units that they stand for, the longest first.
+#: Unit by suffix of the column name, longest suffix first.
 UNITS = {
     "_m_s2": "m/s2",
     "_w_m2": "W/m2",
@@ -27,7 +27,7 @@ UNITS = {
     "_m": "m",
     "_s": "s",
 }
-#: Columns that are no quantities: numbers of things, words, ratios, parts of unit vectors.
+#: Columns without a unit: counts, words, ratios, components of unit vectors.
 PLAIN = frozenset(
     ("sequence", "arc", "arc_name", "phase", "jettisoned", "eccentricity", "event")
     + tuple(f"{whose}_direction_{axis}" for whose in ("thrust", "command") for axis in "xyz")
@@ -39,17 +39,17 @@ Series = dict[str, NDArray[Any]]
 
 
 def unit_of(column: str) -> str:
-    """The unit of a column, by its name; empty if it has none."""
+    """Return the unit of a column, by its name; "" if it has none."""
     if column in PLAIN:
         return ""
     return next((unit for end, unit in UNITS.items() if column.endswith(end)), "")
 
 
 def flight_table(export: Export) -> pa.Table:
-    """A row per state: the truth, what navigation had, what guidance said and commanded.
+    """Tabulate one row per state: truth, navigation, guidance status and command.
 
-    What guidance said is that of the latest cycle, the command the one that answers the state.
-    What is not known is null.
+    The status is that of the latest cycle, the command the one that answers the state. Unknown
+    values are null.
     """
     recording = export.recording
     truth = recording.truth
@@ -76,7 +76,7 @@ def flight_table(export: Export) -> pa.Table:
 
 
 def event_table(export: Export) -> pa.Table:
-    """A row per event."""
+    """Tabulate one row per event."""
     events, places = export.events, export.event_places()
     position = np.array([event.position for event in events]).reshape(-1, 3)
     velocity = np.array([event.velocity for event in events]).reshape(-1, 3)
@@ -95,14 +95,14 @@ def event_table(export: Export) -> pa.Table:
 
 
 def as_csv(table: pa.Table) -> bytes:
-    """A table as CSV with a line of names; what is not known is empty."""
+    """Write a table as CSV with a header line; unknown values are empty."""
     out = io.BytesIO()
     pyarrow.csv.write_csv(table, out)
     return out.getvalue()
 
 
 def as_parquet(table: pa.Table) -> bytes:
-    """A table as Parquet: each field has its unit as metadata, the table says what it is of."""
+    """Write a table as Parquet, with units as field metadata."""
     out = io.BytesIO()
     pyarrow.parquet.write_table(table, out, compression="zstd")
     return out.getvalue()
@@ -128,7 +128,7 @@ def _table(series: Series, export: Export) -> pa.Table:
 
 
 def _array(name: str, values: NDArray[Any]) -> pa.Array:
-    """A column; nan becomes null, and what counts or says yes or no is that again."""
+    """Make a column; nan becomes null, and counts and flags get their types back."""
     array = pa.array(values, from_pandas=True)
     if name == "guidance_converged":
         return array.cast(pa.bool_())
@@ -155,7 +155,7 @@ def _phases(export: Export) -> Series:
 
 
 def _navigation(navigation: Columns, truth: Columns) -> Series:
-    """What navigation had of each state; the last state of a flight has none."""
+    """Return the navigation state of each state; null for the last state of a flight."""
     rows = len(truth["time"])
     found = {name: np.full((rows, 3), np.nan) for name in ("position", "velocity")}
     if len(navigation["time"]):
@@ -169,7 +169,7 @@ def _navigation(navigation: Columns, truth: Columns) -> Series:
     )
 
 
-#: Columns of what guidance said, and the fields of GuidanceStatus.
+#: Columns of the guidance status, and its fields.
 _GUIDANCE = {
     "guidance_cycle": "cycle",
     "guidance_converged": "converged",
@@ -182,7 +182,7 @@ _GUIDANCE = {
 
 
 def _latest(names: Mapping[str, str], columns: Columns, time: NDArray[Any]) -> Series:
-    """Fields of the latest message up to each time."""
+    """Return fields of the latest message up to each time."""
     said = columns["time"]
     row = np.searchsorted(said, time, side="right") - 1
     found: Series = {}
@@ -195,10 +195,10 @@ def _latest(names: Mapping[str, str], columns: Columns, time: NDArray[Any]) -> S
 
 
 def _commands(commands: Columns, time: NDArray[Any]) -> Series:
-    """Return the command that answers each state, counted from its time; else nothing.
+    """Return the command that answers each state, referred to its time; null without one.
 
-    Until the next state the thrust points to unit(direction + rate (t - time)): the law of
-    ThrustCommand, whose sum need not have the length 1 at that time.
+    Until the next state the thrust points to unit(direction + rate (t - time)), the law of
+    ThrustCommand; both are scaled so that the direction has unit length at that time.
     """
     said = commands["time"]
     direction, rate = np.full((2, len(time), 3), np.nan)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Delta-V budget of a flight: what its thrust went into, and the propellant that is left."""
+"""Compute the delta-V budget of a flight, and the propellant left."""
 
 import math
 from collections.abc import Mapping
@@ -16,13 +16,13 @@ from ares_models.mission import Mission
 
 Array = NDArray[np.float64]
 
-#: A time step without thrust at either end adds nothing to what the thrust gave.
+#: Thrust, N, below which both ends of a time step make it a coast, which adds no delta-V.
 _NO_THRUST_N = 1e-6
 
 
 @dataclass(frozen=True)
 class Budget:
-    """A delta-V budget, m/s; all but `left_m_s` are sums over the flight.
+    """Hold a delta-V budget, m/s; all except `left_m_s` are sums over the flight.
 
     The speed gained is ideal minus gravity minus steering minus drag minus pressure.
 
@@ -30,10 +30,10 @@ class Budget:
         ideal_m_s: integral of the thrust acceleration.
         gravity_m_s: integral of gravity against the inertial velocity.
         steering_m_s: integral of the thrust acceleration times 1 - cos(angle to the velocity).
-        drag_m_s, pressure_m_s: the model has neither air forces nor back pressure: zero.
+        drag_m_s, pressure_m_s: zero, since the model has neither drag nor back pressure.
         gained_m_s: inertial speed at the end minus that at the begin.
-        left_m_s: what the propellant left in the last stage would give; nan: not known.
-        left_kg: that propellant; nan: not known.
+        left_m_s: delta-V of the propellant left in the last stage; nan: unknown.
+        left_kg: that propellant; nan: unknown.
     """
 
     ideal_m_s: float
@@ -47,7 +47,7 @@ class Budget:
 
     @property
     def open_m_s(self) -> float:
-        """Return what the sum does not account for: the error of the quadrature."""
+        """Return the residual of the sum: the error of the quadrature."""
         losses = self.gravity_m_s + self.steering_m_s + self.drag_m_s + self.pressure_m_s
         return self.ideal_m_s - losses - self.gained_m_s
 
@@ -55,16 +55,16 @@ class Budget:
 def propellant_left(
     mass: Array, arc: NDArray[np.integer], jettisoned: NDArray[np.integer], arrays: MissionArrays
 ) -> Array:
-    """Propellant in the running stage by the masses of the mission, kg.
+    """Compute the propellant left in the running stage from the mission's masses, kg.
 
     Args:
         mass: shape (n,), kg.
-        arc: shape (n,), number of the arc.
+        arc: shape (n,), index of the arc.
         jettisoned: shape (n,), bit k is set when jettison k is done.
         arrays: of the mission.
 
     Returns:
-        shape (n,); nan in an arc that the mission does not have.
+        Shape (n,); nan in an arc that the mission does not have.
     """
     arcs, jettisons = arrays.arcs, arrays.jettisons
     empty = {}
@@ -77,15 +77,15 @@ def propellant_left(
 
 
 def make_budget(truth: Mapping[str, NDArray[Any]], left: Array, mission: Mission) -> Budget:
-    """Add up what the thrust gave and what took it.
+    """Integrate the delta-V budget.
 
-    Between two states position is the cubic through both, gravity is summed by Simpson's rule, and
-    what it does not explain of the change of velocity is the thrust's.
+    Between two states position is the cubic through both, gravity is integrated by Simpson's rule,
+    and the remaining change of velocity is due to thrust.
 
     Args:
         truth: columns of VehicleState, with `time` in s, n rows.
         left: propellant left in the running stage, shape (n,), kg.
-        mission: whose gravity pulls.
+        mission: source of the gravity model.
     """
     time, thrust = truth["time"], truth["thrust"]
     position, velocity = truth["position"], truth["velocity"]

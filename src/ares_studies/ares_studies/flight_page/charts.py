@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The charts of a page on flights: what each shows, in which unit."""
+"""Define the charts of a flight page: content and unit of each."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -24,20 +24,19 @@ from ares_studies.pages.parts import (
 
 Array = NDArray[np.float64]
 
-#: Colours of flights that lie over each other, and of the lines of one flight.
+#: Colours of overlaid flights, and of the lines of one flight.
 ROLES: tuple[Role, ...] = ("here", "thesis", "other", "otis", "third")
-#: How the first, the second and the third line of each flight are drawn where several lie
-#: over each other.
+#: Style of the first, second and third line of each of several overlaid flights.
 _SHAPES: tuple[Shape, ...] = ("line", "dashes", "dots")
-#: Room above and below a line that stays level, in units of its last decimal.
+#: Margin above and below a level line, in units of its last decimal.
 _LEVEL_ROOM = 5.0
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a chart: its name where a chart has several, its points, kept decimals.
+    """Hold a line of a chart: its name if the chart has several, points, decimals.
 
-    `t` has the times of the points where x is none.
+    `t` holds the times of the points if x is not time.
     """
 
     name: str
@@ -50,17 +49,17 @@ class Line:
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart.
+    """Define a chart.
 
     Attributes:
-        title: what it shows.
-        see: what to look at.
+        title: its subject.
+        see: hint for the reader.
         axis: name and unit of y.
-        lines: of a flight; none: it has nothing to show there.
+        lines: of a flight; empty without data.
         level: name and height of a horizontal line; None: none.
         x: name and unit of x; None: mission elapsed time.
-        least: what the height of the axis stands for at least, in its unit.
-        is_map: longitude and latitude, with the land, over the whole width.
+        least: least range of the y axis, in its unit.
+        is_map: longitude and latitude, with coasts, at full width.
     """
 
     title: str
@@ -74,7 +73,7 @@ class Chart:
 
 
 def _state(name: str, scale: float = 1.0, digits: int = 3) -> Callable[[Flight], Sequence[Line]]:
-    """One line: a column of the states."""
+    """Make one line: a column of the states."""
 
     def lines(flight: Flight) -> Sequence[Line]:
         y = getattr(flight.states, name) * scale
@@ -97,7 +96,7 @@ def _over_range(flight: Flight) -> Sequence[Line]:
 
 
 def _ground_track(flight: Flight) -> Sequence[Line]:
-    """The track; a longitude goes on beyond 180 deg where the flight does."""
+    """Make the track; unwrap the longitude beyond 180 deg."""
     track = flight.states.track
     longitude = np.unwrap(track.longitude_deg, period=360.0)
     return [Line("", longitude, track.latitude_deg, 4, t=flight.states.time_s)]
@@ -110,7 +109,7 @@ def _propellant(flight: Flight) -> Sequence[Line]:
 
 
 def _optimality(*columns: tuple[str, str, int]) -> Callable[[Flight], Sequence[Line]]:
-    """Lines of what proves an optimum: name, column and decimals each; none of a flown flight."""
+    """Make lines of an optimum's conditions: name, column, decimals; none for a flown flight."""
 
     def lines(flight: Flight) -> Sequence[Line]:
         proof = flight.optimality
@@ -141,7 +140,7 @@ def _heating_limit(flight: Flight) -> tuple[str, float] | None:
 
 
 def _guidance(name: str, digits: int, *, step: bool = False) -> Callable[[Flight], Sequence[Line]]:
-    """One line: a column of what guidance said; nothing where it is never known."""
+    """Make one line: a column of the guidance status; none if it is never known."""
 
     def lines(flight: Flight) -> Sequence[Line]:
         if flight.guidance is None:
@@ -370,10 +369,10 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
 def make_chapters(
     flights: Sequence[Flight], names: Sequence[str], instants: Sequence[Guide]
 ) -> tuple[Chapter, ...]:
-    """The charts of some flights that have something to show, numbered.
+    """Make the charts of some flights, numbered; leave out those without data.
 
     Args:
-        flights: one, or several that lie over each other.
+        flights: one, or several overlaid.
         names: of the flights, for legends.
         instants: to mark in each chart.
     """
@@ -404,7 +403,7 @@ def make_chapters(
 
 
 def _series(chart: Chart, flights: Sequence[Flight], names: Sequence[str]) -> tuple[Series, ...]:
-    """One flight: a colour per line; several: a colour per flight."""
+    """Make the lines of a chart: one flight, a colour per line; several, a colour per flight."""
     found = []
     for k, flight in enumerate(flights):
         for i, one in enumerate(chart.lines(flight)):
@@ -427,13 +426,13 @@ def _series(chart: Chart, flights: Sequence[Flight], names: Sequence[str]) -> tu
     return tuple(found)
 
 
-#: deg beside a ground track, and of land beyond that: a map is as wide as its frame.
+#: Margin beside a ground track, deg; land beyond, in widths, since a map fills its frame.
 _BESIDE_DEG = 1.0
 _LAND_BEYOND = 6.0
 
 
 def _with_land(figure: Figure, flight: Flight) -> Figure:
-    """A map of some tracks, as near as they let it be, with the coasts around."""
+    """Fit a map to its tracks and add the coasts around them."""
     x, y = ([v for one in figure.series for v in getattr(one, k) if v is not None] for k in "xy")
     spans = [
         (min(values) - _BESIDE_DEG, max(values) + _BESIDE_DEG) if values else None
@@ -456,14 +455,14 @@ def _with_land(figure: Figure, flight: Flight) -> Figure:
 
 
 def _levels(chart: Chart, flights: Sequence[Flight]) -> tuple[Guide, ...]:
-    """The level that all flights share."""
+    """Return the horizontal line that all flights share."""
     levels = {chart.level(flight) for flight in flights}
     level = levels.pop()
     return () if levels or level is None else (Guide(level[1], level[0]),)
 
 
 def _with_room(axis: Axis, series: Sequence[Series], at_least: float) -> Axis:
-    """An axis on which the noise of a level line does not fill the height."""
+    """Widen an axis so that the noise of a level line does not fill it."""
     values = [y for one in series for y in one.y if y is not None]
     if axis.log or not values:
         return axis

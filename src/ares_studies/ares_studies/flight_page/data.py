@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a flight's columns say, as series for charts and for the globe. SI; degrees for people."""
+"""Convert a flight's columns to series for charts and the globe. SI; degrees for people."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,26 +23,26 @@ from ares_studies.flight_page.geometry import (
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
-#: States of a flight that are looked at; the page cannot show more.
+#: Most states of a flight on the page.
 MAX_STATES = 1500
-#: Impact points of a flight.
+#: Most impact points of a flight.
 MAX_IMPACTS = 300
-#: Navigation that is nearer to the truth is the truth: m, m/s.
+#: Navigation error below which navigation equals the truth, m and m/s.
 _NO_ERROR = 1e-9
 
 
 @dataclass(frozen=True)
 class Optimality:
-    """Hold what proves an optimum along its way, shape (n,) each.
+    """Hold the optimality conditions along an optimum, shape (n,) each.
 
     Attributes:
-        time_s: mission elapsed time; an event stands twice.
-        primer: size of the primer vector, the costate of the velocity; 1 at the start.
-        primer_up, primer_ahead, primer_right: its parts along the radius, along the horizontal
+        time_s: mission elapsed time; repeated at an event.
+        primer: norm of the primer vector, the costate of the velocity; 1 at the start.
+        primer_up, primer_ahead, primer_right: its components along the radius, along the horizontal
             velocity, and to the right of it.
-        switching: switching function, kg of final mass per kg of propellant; nan: the burn has a
-            given length.
-        hamiltonian_m_s2: with mass costate and price of propellant.
+        switching: switching function, kg of final mass per kg of propellant; nan: the length of the
+            burn is fixed.
+        hamiltonian_m_s2: with mass costate and propellant multiplier.
     """
 
     time_s: Array
@@ -56,16 +56,16 @@ class Optimality:
 
 @dataclass(frozen=True)
 class Recording:
-    """A flight as its bag has it.
+    """Hold a flight as recorded in a bag.
 
     Attributes:
         name: of the bag.
-        law: that steered.
-        mission: that was flown.
-        truth: columns of VehicleState; all with `time` in s. At least one row.
-        navigation: columns of NavState; may have no rows, then only `time`.
-        status: columns of GuidanceStatus; the same.
-        optimality: of an optimum; None: it was flown.
+        law: guidance law.
+        mission: flown mission.
+        truth: columns of VehicleState, with `time` in s; at least one row.
+        navigation: columns of NavState, with `time` in s; without rows, only `time`.
+        status: columns of GuidanceStatus, with `time` in s; without rows, only `time`.
+        optimality: of an optimum; None: a flown flight.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of the flight: its name, whether an engine burns, its first and last state."""
+    """Hold an interval of the flight: its name, whether an engine burns, first and last state."""
 
     name: str
     burns: bool
@@ -89,22 +89,22 @@ class Phase:
 
 @dataclass(frozen=True)
 class States:
-    """The truth, shape (n,) each: at most MAX_STATES rows, changes of phase always among them.
+    """Hold the truth, shape (n,) each: at most MAX_STATES rows, with all changes of phase.
 
     Attributes:
         time_s: mission elapsed time.
-        altitude_m: by the mission's rule.
-        speed_m_s, relative_speed_m_s: inertial, and against the air that turns.
+        altitude_m: as defined by the mission.
+        speed_m_s, relative_speed_m_s: inertial, and relative to the rotating air.
         flight_path_angle_deg: of the inertial velocity.
-        pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state of a flight, which
-            stands before the first command.
+        pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state of a flight, which precedes
+            the first command.
         mass_kg, thrust_n: of the vehicle.
-        acceleration_m_s2: thrust over mass, what accelerometers sense.
+        acceleration_m_s2: thrust over mass, as sensed by accelerometers.
         heating_w_m2: free molecular heating.
         perigee_m, apogee_m: of the osculating orbit above the equatorial radius; nan: none.
         inclination_deg, eccentricity: of the osculating orbit.
-        range_m: way along the ground track.
-        track: the places below.
+        range_m: length of the ground track.
+        track: the ground track.
     """
 
     time_s: Array
@@ -128,7 +128,7 @@ class States:
 
 @dataclass(frozen=True)
 class Guidance:
-    """What guidance said, a row per cycle, shape (n,) each; nan: unknown."""
+    """Hold the guidance status, a row per cycle, shape (n,) each; nan: unknown."""
 
     time_s: Array
     time_to_go_s: Array
@@ -138,8 +138,8 @@ class Guidance:
 
 
 @dataclass(frozen=True)
-class NavigationErrors:
-    """Navigation minus truth: distances, shape (n,) each."""
+class NavigationDeviation:
+    """Hold navigation minus truth: distances, shape (n,) each."""
 
     time_s: Array
     position_m: Array
@@ -148,22 +148,22 @@ class NavigationErrors:
 
 @dataclass(frozen=True)
 class Flight:
-    """A flight, ready to be drawn.
+    """Hold a flight, ready to be drawn.
 
     Attributes:
         name: of its bag.
-        law: that steered.
-        mission: that was flown.
+        law: guidance law.
+        mission: flown mission.
         states: the truth.
-        phases: all states in turn.
-        guidance: None if it said nothing.
-        navigation: None where it does not differ from the truth.
-        impact_time_s: of the impact points, shape (m,).
-        impact: where the vehicle would have fallen.
-        heating_limit_w_m2: the least of the mission's; None: none.
-        propellant_kg: left in the running stage, by the masses of the mission, a number a state.
-        budget: what the thrust went into.
-        optimality: of an optimum; None: it was flown.
+        phases: of the states, in order.
+        guidance: None without a status.
+        navigation: None if it equals the truth.
+        impact_time_s: times of the impact points, shape (m,).
+        impact: instantaneous impact points.
+        heating_limit_w_m2: lowest limit of the mission; None: none.
+        propellant_kg: left in the running stage, per state, from the mission's masses.
+        budget: delta-V budget.
+        optimality: of an optimum; None: a flown flight.
     """
 
     name: str
@@ -172,7 +172,7 @@ class Flight:
     states: States
     phases: tuple[Phase, ...]
     guidance: Guidance | None
-    navigation: NavigationErrors | None
+    navigation: NavigationDeviation | None
     impact_time_s: Array
     impact: Track
     heating_limit_w_m2: float | None
@@ -182,7 +182,7 @@ class Flight:
 
 
 def make_flight(recording: Recording) -> Flight:
-    """The series of a flight."""
+    """Convert a recording to series."""
     mission, truth = recording.mission, recording.truth
     rows = chosen(truth)
     picked = {name: values[rows] for name, values in truth.items()}
@@ -197,7 +197,7 @@ def make_flight(recording: Recording) -> Flight:
         states=states,
         phases=phases_of(picked, mission),
         guidance=_guidance(recording.status),
-        navigation=_navigation_errors(recording.navigation, truth),
+        navigation=_navigation_deviation(recording.navigation, truth),
         impact_time_s=truth["time"][falls],
         impact=impact_track(
             truth["time"][falls],
@@ -214,27 +214,27 @@ def make_flight(recording: Recording) -> Flight:
 
 
 def _spread(count: int, most: int) -> NDArray[np.intp]:
-    """At most so many indices, evenly spread, ends included."""
+    """Return at most `most` indices, evenly spread, ends included."""
     if count <= most:
         return np.arange(count)
     return np.unique(np.linspace(0, count - 1, most).round().astype(np.intp))
 
 
 def chosen(truth: Columns) -> NDArray[np.intp]:
-    """Rows that are looked at: evenly spread ones, and both sides of each change of phase."""
+    """Select the rows to show: evenly spread ones, and both sides of each change of phase."""
     edges = _edges(truth)
     return np.unique(np.concatenate((_spread(len(truth["time"]), MAX_STATES), edges - 1, edges)))
 
 
 def _edges(truth: Columns) -> NDArray[np.intp]:
-    """First rows of the phases but the first."""
+    """Return the first rows of all phases except the first."""
     changed = np.diff(truth["arc"]) != 0
     changed |= np.diff(truth["jettisoned"]) != 0
     return np.flatnonzero(changed) + 1
 
 
 def phases_of(truth: Columns, mission: Mission) -> tuple[Phase, ...]:
-    """The phases of a flight: arc by arc, and anew after each jettison."""
+    """Divide a flight into phases: a new one at each arc and after each jettison."""
     starts = [0, *_edges(truth).tolist()]
     ends = [*(start - 1 for start in starts[1:]), len(truth["time"]) - 1]
     found = []
@@ -246,12 +246,12 @@ def phases_of(truth: Columns, mission: Mission) -> tuple[Phase, ...]:
 
 
 def phase_name(arc: int, gone: int, mission: Mission) -> str:
-    """A phase in words: its arc, and what was dropped last.
+    """Name a phase: its arc, and the last part dropped.
 
     Args:
-        arc: its number.
+        arc: its index.
         gone: bit k is set when jettison k is done.
-        mission: that is flown.
+        mission: flown mission.
     """
     names = mission.arc_names
     name = names[arc] if arc < len(names) else f"arc {arc}"
@@ -260,7 +260,7 @@ def phase_name(arc: int, gone: int, mission: Mission) -> str:
 
 
 def states_from_start(truth: Columns, mission: Mission) -> States:
-    """What is shown of a flight; its first state was before any command, and points nowhere."""
+    """Compute the states of a whole flight; the first precedes any command and has no attitude."""
     states = states_of(truth, mission)
     if len(states.time_s) > 1:
         states.pitch_deg[0] = states.yaw_deg[0] = math.nan
@@ -268,11 +268,11 @@ def states_from_start(truth: Columns, mission: Mission) -> States:
 
 
 def states_of(truth: Columns, mission: Mission) -> States:
-    """What is shown of some states.
+    """Compute the quantities shown of some states.
 
     Args:
         truth: columns of VehicleState, with `time` in s.
-        mission: that was flown.
+        mission: flown mission.
     """
     position, velocity = truth["position"], truth["velocity"]
     pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
@@ -306,7 +306,7 @@ def states_of(truth: Columns, mission: Mission) -> States:
 
 
 def _orbit(position: Array, velocity: Array, mu: float) -> tuple[float, float, float]:
-    """Radii of perigee and apogee, m, and eccentricity; nan where there is none."""
+    """Compute radii of perigee and apogee, m, and eccentricity; nan without an orbit."""
     try:
         elements = Elements.from_state(position, velocity, mu)
     except ValueError:
@@ -327,8 +327,8 @@ def _guidance(status: Columns) -> Guidance | None:
     )
 
 
-def _navigation_errors(navigation: Columns, truth: Columns) -> NavigationErrors | None:
-    """Navigation against the truth of the same number."""
+def _navigation_deviation(navigation: Columns, truth: Columns) -> NavigationDeviation | None:
+    """Compare navigation with the truth of the same sequence number."""
     if not len(navigation["time"]):
         return None
     _, ours, theirs = np.intersect1d(
@@ -338,11 +338,11 @@ def _navigation_errors(navigation: Columns, truth: Columns) -> NavigationErrors 
     velocity = np.linalg.norm(navigation["velocity"][ours] - truth["velocity"][theirs], axis=1)
     if not (np.any(position > _NO_ERROR) or np.any(velocity > _NO_ERROR)):
         return None
-    return NavigationErrors(navigation["time"][ours], position, velocity)
+    return NavigationDeviation(navigation["time"][ours], position, velocity)
 
 
 def span_of(flights: Sequence[Flight]) -> tuple[float, float]:
-    """First and last time of some flights, s."""
+    """Return first and last time of some flights, s."""
     return (
         min(float(flight.states.time_s[0]) for flight in flights),
         max(float(flight.states.time_s[-1]) for flight in flights),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a vehicle is over the ground, where its thrust points, where it would fall."""
+"""Compute ground track, thrust angles and instantaneous impact points."""
 
 import math
 from dataclasses import dataclass
@@ -16,21 +16,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Track:
-    """Places under a way, each shape (n,), deg: geocentric latitude, longitude east of zero."""
+    """Hold points on the ground, shape (n,), deg: geocentric latitude, longitude east of zero."""
 
     latitude_deg: Array
     longitude_deg: Array
 
 
 def local_axes(position: Array, velocity: Array) -> tuple[Array, Array, Array]:
-    """Axes at the vehicle: up, ahead along the horizontal velocity, right of it.
+    """Compute axes at the vehicle: up, ahead along the horizontal velocity, right of it.
 
     Args:
         position: inertial, shape (n, 3), m.
         velocity: inertial, shape (n, 3), m/s.
 
     Returns:
-        Unit vectors, shape (n, 3) each; zero ahead and right where the velocity is vertical.
+        Unit vectors, shape (n, 3) each; zero ahead and right if the velocity is vertical.
     """
     up = position / np.linalg.norm(position, axis=1, keepdims=True)
     right = np.cross(velocity, up)
@@ -40,12 +40,12 @@ def local_axes(position: Array, velocity: Array) -> tuple[Array, Array, Array]:
 
 
 def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[Array, Array]:
-    """Pitch and yaw of the thrust.
+    """Compute pitch and yaw of the thrust.
 
-    Pitch is the angle of the thrust above the local horizontal, that is above the plane
-    normal to the radius. Yaw is the azimuth of the thrust minus that of the inertial velocity:
-    the angle between their horizontal parts, positive to the right of the velocity as seen
-    from above. Thrust in the vertical plane of the velocity has no yaw.
+    Pitch is the angle of the thrust above the local horizontal, the plane normal to the radius. Yaw
+    is the azimuth of the thrust minus that of the inertial velocity: the angle between their
+    horizontal components, positive to the right of the velocity as seen from above. Thrust in the
+    vertical plane of the velocity has no yaw.
 
     Args:
         position: inertial, shape (n, 3), m.
@@ -53,7 +53,7 @@ def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[A
         direction: of the thrust, shape (n, 3), unit vectors.
 
     Returns:
-        Pitch and yaw, shape (n,) each, deg; yaw is 0 where thrust or velocity is vertical.
+        Pitch and yaw, shape (n,) each, deg; yaw is 0 if thrust or velocity is vertical.
     """
     up, along, right = local_axes(position, velocity)
     sine = np.sum(direction * up, axis=1)
@@ -63,15 +63,15 @@ def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[A
 
 
 def ground_track(time: Array, position: Array, earth: Earth) -> Track:
-    """The places under a flight, on the Earth that turns.
+    """Compute the ground track on the rotating Earth.
 
-    Where the mission does not say otherwise, the inertial x axis points to longitude zero at
-    mission time 0, as in the thesis.
+    Unless the mission defines it, the inertial x axis points to longitude zero at mission time 0,
+    as in the thesis.
 
     Args:
         time: mission elapsed time, shape (n,), s.
         position: inertial, shape (n, 3), m.
-        earth: its rotation.
+        earth: rotation model.
     """
     places = [earth.latitude_longitude(r, t) for t, r in zip(time, position, strict=True)]
     degrees = np.degrees(np.array(places).reshape(-1, 2))
@@ -79,10 +79,10 @@ def ground_track(time: Array, position: Array, earth: Earth) -> Track:
 
 
 def ground_range(track: Track, radius: float) -> Array:
-    """Length of the way along a track on a sphere, shape (n,), m.
+    """Compute the length of a track on a sphere up to each point, shape (n,), m.
 
     Args:
-        track: n places.
+        track: n points.
         radius: of the sphere, m.
     """
     latitude, longitude = np.radians(track.latitude_deg), np.radians(track.longitude_deg)
@@ -92,9 +92,9 @@ def ground_range(track: Track, radius: float) -> Array:
 
 
 def impact_time(position: Array, velocity: Array, environment: Record) -> float:
-    """Time until the vehicle would meet the ground if its thrust ended now, s.
+    """Compute the time to impact if the thrust ended now, s.
 
-    The fall is a Kepler arc without air; the ground is where the mission's altitude is zero.
+    The fall is a Kepler arc without drag; the ground is at the mission's altitude zero.
 
     Args:
         position: inertial, shape (3,), m.
@@ -102,8 +102,7 @@ def impact_time(position: Array, velocity: Array, environment: Record) -> float:
         environment: record of dtype ENVIRONMENT.
 
     Returns:
-        nan where it would not: the perigee lies above the ground, or the way leads outwards
-        for ever.
+        nan without an impact: the perigee is above the ground, or the vehicle escapes.
     """
     span, _ = fall(tuple(position.tolist()), tuple(velocity.tolist()), environment)
     return float(span)
@@ -112,17 +111,17 @@ def impact_time(position: Array, velocity: Array, environment: Record) -> float:
 def impact_track(
     time: Array, position: Array, velocity: Array, environment: Record, earth: Earth
 ) -> Track:
-    """Instantaneous impact points: where the vehicle would fall if its thrust ended now.
+    """Compute instantaneous impact points, for the thrust ending at each state.
 
     Args:
         time: mission elapsed time, shape (n,), s.
         position: inertial, shape (n, 3), m.
         velocity: inertial, shape (n, 3), m/s.
         environment: record of dtype ENVIRONMENT.
-        earth: it turns below while the vehicle falls.
+        earth: rotation during the fall.
 
     Returns:
-        n places; nan where nothing falls.
+        n points; nan without an impact.
     """
     places = []
     for t, r, v in zip(time, position, velocity, strict=True):

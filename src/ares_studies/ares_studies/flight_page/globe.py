@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The globe: ways over the Earth, in places and heights, and the land below."""
+"""Make the globe: tracks in longitude, latitude and height, and the land below."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from ares_studies.pages.parts import Role
 
 @dataclass(frozen=True)
 class Way:
-    """A stretch of a flight that has one colour.
+    """Hold an interval of a flight with one colour.
 
     Attributes:
         name: for the legend.
-        role: decides the colour; None: a coast, in the colour of quiet things.
+        role: sets the colour; None: a coast, in a muted colour.
         first, last: its states.
     """
 
@@ -32,15 +32,15 @@ class Way:
 
 @dataclass(frozen=True)
 class GlobeFlight:
-    """A flight on the globe.
+    """Hold a flight on the globe.
 
     Attributes:
         name: for the legend.
-        role: decides the colour of its marks.
+        role: sets the colour of its marks.
         time_s, latitude_deg, longitude_deg, height: of its states; height in radii of the globe.
-        ways: its stretches.
+        ways: its coloured intervals.
         impact_time_s, impact_latitude_deg, impact_longitude_deg: of its impact points.
-        faint: one of many: a thin way, and no more than a dot at its end.
+        faint: one of many: a thin line, and a dot at its end.
     """
 
     name: str
@@ -58,13 +58,13 @@ class GlobeFlight:
 
 @dataclass(frozen=True)
 class Globe:
-    """What the globe shows.
+    """Hold the contents of the globe.
 
     Attributes:
         flights: on it.
-        land: rings of longitude, latitude in turn, deg; none on a body that is not the Earth.
-        ends: what the last mark of each flight is called.
-        nearest: how near it is seen at first, at most; 1: whole.
+        land: rings of alternating longitude and latitude, deg; empty unless the body is the Earth.
+        ends: label of the last mark of each flight.
+        nearest: largest initial zoom; 1: the whole globe.
     """
 
     flights: tuple[GlobeFlight, ...]
@@ -74,12 +74,12 @@ class Globe:
 
 
 def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:
-    """The globe of some flights.
+    """Make the globe of some flights.
 
     Args:
-        flights: one, or several over each other.
+        flights: one, or several overlaid.
         names: of the flights.
-        ends: what the end of each is called.
+        ends: label of the end of each.
     """
     radius = flights[0].mission.environment.earth.equatorial_radius_m
     return Globe(
@@ -117,7 +117,7 @@ def _impact(flight: Flight) -> dict[str, Any]:
 
 
 def _ways(phases: Sequence[Phase], role: Role | None) -> tuple[Way, ...]:
-    """Stretches with their colours: of the flight, or in turn; a coast has none."""
+    """Make the coloured intervals: in the flight's colour, or in turn; a coast has none."""
     ways: list[Way] = []
     burns = 0
     for phase in phases:
@@ -125,12 +125,12 @@ def _ways(phases: Sequence[Phase], role: Role | None) -> tuple[Way, ...]:
         if phase.burns:
             colour = role or ROLES[burns % len(ROLES)]
             burns += 1
-        # the line goes on to where the next one begins
+        # extend the line to the begin of the next one
         last = phase.last if phase is phases[-1] else phase.last + 1
         ways.append(Way(phase.name, colour, phase.first, last))
     return tuple(ways)
 
 
 def rounded(values: NDArray[np.float64], digits: int) -> tuple[float, ...]:
-    """Numbers for the page."""
+    """Round numbers for the page."""
     return tuple((np.round(values, digits) + 0.0).tolist())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The land: rings of coast, for the globe and for maps."""
+"""Provide the land: coastlines for the globe and for maps."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -9,32 +9,32 @@ from typing import Any
 from ares_studies.pages.parts import Role, Series
 
 LAND = "land.json"
-#: Land is drawn on a body whose radius is that of the Earth, to a share of it.
+#: Radius of the Earth, m, and relative difference within which a body is the Earth.
 _EARTH_RADIUS_M = 6378e3
 _LIKE_THE_EARTH = 0.01
 
-#: Least and most longitude, least and most latitude, deg.
+#: Bounds: west, east, south, north, deg.
 Box = tuple[float, float, float, float]
 EVERYWHERE: Box = (-180.0, 180.0, -90.0, 90.0)
 
 
 def read_land() -> tuple[tuple[float, ...], ...]:
-    """Rings of land: longitude and latitude in turn, deg."""
+    """Read the rings of land: alternating longitude and latitude, deg."""
     data: dict[str, Any] = json.loads(files(__package__).joinpath(LAND).read_text("utf-8"))
     return tuple(tuple(ring) for ring in data["rings"])
 
 
 def land_on(radius_m: float) -> tuple[tuple[float, ...], ...]:
-    """The land of a body of some radius; none on one that is not the Earth."""
+    """Return the land on a body of a radius, m; empty unless it is the Earth."""
     return read_land() if abs(radius_m / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
 
 
 def coasts(rings: Iterable[Sequence[float]], box: Box = EVERYWHERE) -> Series:
-    """Coasts as a series of a map.
+    """Make a map's series of coasts.
 
     Args:
-        rings: longitude and latitude in turn, deg.
-        box: what is outside it is left out; longitudes may go beyond 180.
+        rings: alternating longitude and latitude, deg.
+        box: clips them; longitudes may exceed 180.
     """
     places = [tuple(zip(ring[1::2], ring[::2], strict=True)) for ring in rings]
     return outlines("land", "quiet", places, box)
@@ -46,13 +46,13 @@ def outlines(
     rings: Iterable[Iterable[tuple[float, float]]],
     box: Box = EVERYWHERE,
 ) -> Series:
-    """Closed lines as one, broken between them, where they pass 180 deg and outside a box.
+    """Make one series of closed lines, broken between them, at 180 deg and outside the box.
 
     Args:
         name: for the legend.
-        role: decides the colour.
+        role: sets the colour.
         rings: latitude and longitude of their points, deg.
-        box: what is outside it is left out; longitudes may go beyond 180.
+        box: clips them; longitudes may exceed 180.
     """
     west, east, south, north = box
     x: list[float | None] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An optimum as the page of a flight takes it: its columns, and what proves it along the way."""
+"""Convert an optimum to the columns of a flight, with its optimality conditions."""
 
 import math
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ from ares_studies.history import profile_of
 
 Array = NDArray[np.float64]
 
-#: What steers an optimum, where flights name their law.
+#: Law name of an optimum.
 LAW = "optimum"
 _NOTHING = {"time": np.empty(0)}
-#: A throttled burn keeps its acceleration at the limit to this share.
+#: Relative accuracy with which a throttled burn holds its acceleration limit.
 _AT_LIMIT = 1e-9
 
 
 def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording:
-    """Turn an optimum into the columns of a flight.
+    """Convert an optimum to the columns of a flight.
 
     Args:
-        name: of it.
-        mission: what is flown.
+        name: of the optimum.
+        mission: solved mission.
         solution: with a trajectory.
 
     Returns:
-        the recording; with the course of its conditions if the method has costates.
+        The recording; with the optimality conditions if the method has costates.
 
     Raises:
         ValueError: the solution has no trajectory.
@@ -72,24 +72,24 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
 
 
 def _passed(time: Array, instants: Sequence[float]) -> NDArray[np.bool_]:
-    """Tell which instants lie behind each row, shape (n, m); of two rows at one, the second."""
+    """Tell which instants are past at each row, shape (n, m); of two rows at one, the second."""
     before = np.append(np.diff(time) == 0.0, False)
     at = np.asarray(instants, dtype=float)
     near = np.abs(time[:, None] - at) < 1e-9
     behind = (time[:, None] > at) | near
-    # the first of a pair stands before what happens, and so does the end of the flight
+    # the first row of a pair precedes the event, and so does the end of the flight
     last = np.arange(len(time)) == len(time) - 1
     return np.asarray(behind & ~(near & (before | last)[:, None]))
 
 
 def _arcs(time: Array, flown: Sequence[FlownArc]) -> NDArray[np.int64]:
-    """Number of the arc of each row, shape (n,)."""
+    """Return the index of the arc of each row, shape (n,)."""
     passed = _passed(time, [arc.end_s for arc in flown[:-1]])
     return np.array([arc.arc for arc in flown])[np.sum(passed, axis=1)]
 
 
 def _jettisoned(time: Array, mission: Mission, solution: Solution) -> NDArray[np.int64]:
-    """Bits of what is gone, shape (n,)."""
+    """Return the bit mask of completed jettisons, shape (n,)."""
     start = int(mission.start().navigation()["jettisoned"][0])
     gone = np.full(len(time), start, dtype=np.int64)
     for k, at in enumerate(solution.jettison_times_s):
@@ -100,7 +100,7 @@ def _jettisoned(time: Array, mission: Mission, solution: Solution) -> NDArray[np
 
 @dataclass(frozen=True)
 class _Stretch:
-    """A piece between two events, at the times of the costates: shape (n,) and (n, 3)."""
+    """Hold the interval between two events at the times of the costates: shape (n,) and (n, 3)."""
 
     rows: NDArray[np.intp]
     time: Array
@@ -112,12 +112,12 @@ class _Stretch:
 
 
 def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
-    """Follow the conditions of an optimum along it; None where the method has no costates.
+    """Compute the optimality conditions along an optimum; None if the method has no costates.
 
     Along a burn H = lambda_r . V + lambda_v . (g + u T/m) - (mu + c) b, with b the mass flow, mu
-    the mass costate and c the price of propellant, which the free burns pay. The switching
-    function is c_e |lambda_v| / m - mu - c, over c: kg of final mass that a kg of propellant
-    burnt there is worth beyond its price. It is zero at the ends of free burns.
+    the mass costate and c the propellant multiplier of free burns. The switching function is
+    c_e |lambda_v| / m - mu - c, divided by c: the gain of final mass, kg, per kg of propellant
+    burnt there, beyond its cost. It is zero at the ends of free burns.
 
     Source: Bryson and Ho, Applied Optimal Control, sections 3.5 and 3.6.
     """
@@ -167,7 +167,7 @@ def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
 
 
 def _exhaust_speed(arcs: NDArray[np.void], k: int) -> float:
-    """Exhaust velocity of a burn, or of the next one of a coast's stage; 0: there is none."""
+    """Return the exhaust velocity of a burn, or of the burn after a coast; 0 without one."""
     for arc in arcs[k:]:
         if arc["stage"] == arcs[k]["stage"] and arc["kind"] == BURN:
             return float(arc["exhaust_velocity"])
@@ -175,14 +175,14 @@ def _exhaust_speed(arcs: NDArray[np.void], k: int) -> float:
 
 
 def _held(arc: Record, flown: FlownArc) -> bool:
-    """Tell if an arc ends at a bound of its length that holds the optimum."""
+    """Tell whether an arc ends at an active bound of its length."""
     length = flown.end_s - flown.start_s
     bounds = (float(arc["shortest"]), float(arc["longest"]))
     return any(abs(length - bound) < 1e-6 for bound in bounds)
 
 
 def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretch]:
-    """The pieces of an arc between the jettisons in it, each with both its ends."""
+    """Divide an arc at its jettisons; each interval has both its ends."""
     costates = solution.costates
     assert costates is not None
     inside = [t for t in solution.jettison_times_s if flown.start_s < t < flown.end_s]
@@ -210,19 +210,19 @@ def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretc
 
 
 def _between(time: Array, begin: float, end: float) -> NDArray[np.intp]:
-    """Rows from begin to end; of a pair at begin the second, at the end the first."""
+    """Return the rows from begin to end; of a pair at begin the second, at the end the first."""
     first = int(np.searchsorted(time, begin + 1e-9, side="right")) - 1
     last = int(np.searchsorted(time, end - 1e-9, side="left"))
     return np.arange(max(first, 0), min(last, len(time) - 1) + 1)
 
 
 def _per_flow(piece: _Stretch, speed: float) -> float:
-    """Hamiltonian over mass flow at the end of a burn, without mass costate and price."""
+    """Return H over mass flow at the end of a burn, without mass costate and multiplier."""
     return float(piece.hamiltonian[-1] * speed / piece.thrust[-1])
 
 
 def _mass_costate(piece: _Stretch, arc: Record, end: float, costs: float) -> Array:
-    """Mass costate along a piece, from its value at the end back, shape (n,)."""
+    """Integrate the mass costate along an interval backwards from its end value, shape (n,)."""
     acceleration = piece.thrust / piece.mass
     throttled = acceleration > float(arc["max_acceleration"]) * (1.0 - _AT_LIMIT)
     fixed = piece.along * acceleration / piece.mass
@@ -240,6 +240,6 @@ def _mass_costate(piece: _Stretch, arc: Record, end: float, costs: float) -> Arr
 
 
 def _at(track: Trajectory, time: Array) -> Array:
-    """Position and velocity at some times, shape (n, 6)."""
+    """Interpolate position and velocity, shape (n, 6)."""
     state = np.column_stack((track.position, track.velocity))
     return np.column_stack([np.interp(time, track.time_s, column) for column in state.T])

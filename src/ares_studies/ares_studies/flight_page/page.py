@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page on one flight, or on several that lie over each other."""
+"""Compose a page of one flight, or of several overlaid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -11,13 +11,13 @@ from ares_studies.flight_page.globe import Globe, make_globe
 from ares_studies.pages.parts import Chapter, Guide, Role, Table
 from ares_studies.pages.templates import make_environment, one_line, render_report
 
-#: As many flights as there are colours.
+#: Most flights on a page, one colour each.
 MAX_FLIGHTS = len(ROLES)
 
 
 @dataclass(frozen=True)
 class Happening:
-    """An event of a flight: when (s), what, and the mass after it (kg)."""
+    """Hold an event of a flight: time (s), text, mass after it (kg)."""
 
     time_s: float
     text: str
@@ -26,7 +26,7 @@ class Happening:
 
 @dataclass(frozen=True)
 class Complaint:
-    """A warning or an error of a node: said first when (s), how often."""
+    """Hold a warning or an error of a node: time of the first (s), count."""
 
     time_s: float
     level: str
@@ -37,24 +37,24 @@ class Complaint:
 
 @dataclass(frozen=True)
 class Account:
-    """What is told of a flight in words and numbers.
+    """Describe a flight in words and numbers.
 
     Attributes:
-        name: short, unlike those of the other flights on the page.
-        bag: path of the bag, for people; empty: there is none.
-        law: that steered.
+        name: short and unique on the page.
+        bag: path of the bag, for people; "": none.
+        law: guidance law.
         title: of the mission.
-        verdict: how it ended, in a few words.
-        good: as it should have ended, and nothing is missing.
-        problems: what was not as it should be, a line each.
-        key_numbers: the most important ones: name, value, unit.
-        facts: more of them: name and value.
-        tables: insertion, delta-V budget and what else there is, by title; None: the flight has
-            no end in its bag.
-        end: what the last mark on the globe is called.
+        verdict: in a few words.
+        good: ended as required, with no data missing.
+        problems: faults, a line each.
+        key_numbers: most important numbers: name, value, unit.
+        facts: further facts: name and value.
+        tables: insertion, delta-V budget and others, by title; None: the bag has no end of the
+            flight.
+        end: label of the last mark on the globe.
         events: in the order of time.
         marks: instants for the charts.
-        diagnostics: what nodes complained of.
+        diagnostics: complaints of nodes.
     """
 
     name: str
@@ -75,18 +75,18 @@ class Account:
 
 @dataclass(frozen=True)
 class FlightReport:
-    """Everything on the page.
+    """Hold the contents of the page.
 
     Attributes:
-        title: what was flown.
-        kicker: what the page is, in a few words.
+        title: of the missions.
+        kicker: kind of page, in a few words.
         command: that made it.
         accounts: of the flights.
         roles: their colours.
         comparison: differences; None for one flight.
         chapters: charts.
-        globe: ways over the ground.
-        placed: every mission says where longitude zero is.
+        globe: tracks over the ground.
+        placed: every mission defines longitude zero.
     """
 
     title: str
@@ -107,13 +107,13 @@ def make_report(
     kicker: str = "",
     command: str = "ares report",
 ) -> FlightReport:
-    """What the page shows.
+    """Compose the contents of the page.
 
     Args:
-        flights: what is drawn, MAX_FLIGHTS at most.
-        accounts: what is told of each.
+        flights: to be drawn, MAX_FLIGHTS at most.
+        accounts: description of each.
         comparison: differences between several.
-        kicker: what the page is; empty: one flight by its law, or so many over each other.
+        kicker: kind of page; "": one flight by its law, or the number of flights.
         command: that makes it.
     """
     if not kicker and len(flights) > 1:
@@ -135,7 +135,7 @@ def make_report(
 
 
 def _data(report: FlightReport) -> dict[str, Any]:
-    """What the scripts draw from."""
+    """Return the data for the scripts."""
     return {
         "chapters": [asdict(chapter) for chapter in report.chapters],
         "globe": asdict(report.globe),
@@ -143,5 +143,5 @@ def _data(report: FlightReport) -> dict[str, Any]:
 
 
 def render(report: FlightReport) -> str:
-    """The page, with everything in it."""
+    """Render the page as one self-contained file."""
     return render_report(make_environment(__package__), report, one_line(_data(report)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Structured dtype of a judged flight."""
+"""Define the structured dtype of a judged flight."""
 
 import numpy as np
 

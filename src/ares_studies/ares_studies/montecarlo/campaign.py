@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign from its first chunk to the file of all flights."""
+"""Fly a campaign, from its first chunk to the file of all flights."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -11,21 +11,22 @@ from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.statistics import Tally
 from ares_studies.montecarlo.store import Store, StoreError
 
-#: Flights of a chunk: what is lost at most when a process is killed, and the cost of a part.
+#: Most and fewest flights of a chunk: large chunks lose more when a process is killed, small ones
+#: cost more per flight.
 LARGEST_CHUNK = 1000
 SMALLEST_CHUNK = 25
-#: Chunks of a campaign at least, so that all cores have work.
+#: Least number of chunks of a campaign, so that all cores have work.
 CHUNKS = 16
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What a campaign is asked for.
+class CampaignPlan:
+    """Hold the size and the stopping rule of a campaign.
 
     Attributes:
-        settings: what is flown.
-        count: flights, fewer if it may stop before.
-        success_width: stop when the 95 % interval of the share of successes is narrower.
+        settings: of the flights.
+        count: number of flights; an upper bound if it may stop early.
+        success_width: stop when the 95 % interval of the success rate is narrower.
         mass_width_kg: stop when the 95 % interval of the mean final mass is narrower.
     """
 
@@ -36,11 +37,11 @@ class Plan:
 
     @property
     def may_stop(self) -> bool:
-        """Whether it may end before `count` flights."""
+        """Return whether it may end before `count` flights."""
         return self.success_width is not None or self.mass_width_kg is not None
 
     def narrow_enough(self, tally: Tally) -> bool:
-        """Whether every interval that is limited is narrow enough."""
+        """Tell whether every limited interval is narrow enough."""
         if self.success_width is not None:
             low, high = tally.proportion("succeeded")
             if high - low > self.success_width:
@@ -53,7 +54,7 @@ class Plan:
 
 
 def missing(spans: list[Chunk], count: int) -> Iterator[Chunk]:
-    """Chunks between and after those that there are, up to ``count`` flights."""
+    """Yield the chunks that are missing among `count` flights."""
     size = min(LARGEST_CHUNK, max(SMALLEST_CHUNK, count // CHUNKS))
     at = 0
     for first, rows in [*spans, (count, 0)]:
@@ -65,9 +66,9 @@ def missing(spans: list[Chunk], count: int) -> Iterator[Chunk]:
 
 
 class _InOrder:
-    """Looks at chunks in their order, so that a campaign stops at the same flight always."""
+    """Check the stopping rule in order of flights, so that a campaign stops reproducibly."""
 
-    def __init__(self, plan: Plan, store: Store) -> None:
+    def __init__(self, plan: CampaignPlan, store: Store) -> None:
         self._plan = plan
         self._store = store
         self._there = dict(store.spans())
@@ -87,21 +88,23 @@ class _InOrder:
                 self.stop_at = self._tally.n
 
 
-def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any], None]) -> int:
-    """Fly what is missing of a campaign and put its file together.
+def fly_campaign(
+    plan: CampaignPlan, store: Store, engine: Engine, watch: Callable[[Any], None]
+) -> int:
+    """Fly the missing flights of a campaign and assemble its file.
 
     Args:
-        plan: what is asked for.
-        store: its folder, with what is flown already.
-        engine: who flies.
-        watch: gets every chunk of flights, a pyarrow.Table, as it gets done.
+        plan: size and stopping rule.
+        store: its folder, with the flights flown before.
+        engine: flies the chunks.
+        watch: gets every chunk of flights, a pyarrow.Table, when it is done.
 
     Returns:
-        how many flights the file holds.
+        Number of flights in the file.
 
     Raises:
-        StoreError: the folder holds more flights than are asked for.
-        EngineError: the engine cannot be had.
+        StoreError: the folder holds more flights than requested.
+        EngineError: the engine is not available.
     """
     if store.count() > plan.count:
         raise StoreError(f"{store.folder}: holds {store.count()} flights, more than {plan.count}")
@@ -115,9 +118,9 @@ def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any]
 
 
 def _fly_missing(
-    plan: Plan, store: Store, engine: Engine, watch: Callable[[Any], None], order: _InOrder
+    plan: CampaignPlan, store: Store, engine: Engine, watch: Callable[[Any], None], order: _InOrder
 ) -> None:
-    # closing ends threads and connections, whatever happens
+    # closing ends threads and connections in any case
     with closing(engine(plan.settings, missing(store.spans(), plan.count))) as tables:
         for table in tables:
             store.write(table)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who flies: this thread, all cores of this machine, or the workers of a Dask cluster.
+"""Fly chunks of flights in this thread, on all cores, or on a Dask cluster.
 
-An engine takes chunks (first flight, count) and gives each as a table, in the order in which
-they get done. What a flight comes to does not depend on who flew it.
+An engine takes chunks (first flight, count) and yields each as a table, in the order of completion.
+The result of a flight does not depend on the engine.
 """
 
 import os
@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 
 from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.flights import Flown, Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Flown, Settings
 from ares_studies.montecarlo.table import make_table
 
 Chunk = tuple[int, int]
@@ -27,18 +27,18 @@ Chunk = tuple[int, int]
 Tables = Generator[Any, None, None]
 Engine = Callable[[Settings, Iterable[Chunk]], Tables]
 
-#: Chunks that a core has at once: the next one is there when one is done.
+#: Chunks submitted per core, so that the next one is ready when one is done.
 AHEAD = 2
-#: s to find the scheduler.
+#: Time limit of the connection to the scheduler, s.
 CONNECT_TIMEOUT = 5.0
-#: How often a chunk whose worker was lost is begun again on another.
+#: Retries of a chunk whose worker was lost.
 RETRIES = 3
 
 _own = threading.local()
 
 
 class EngineError(ValueError):
-    """An engine cannot be had; the text is one line."""
+    """Report in one line that an engine is not available."""
 
 
 def fly_chunk(pickled: bytes, chunk: Chunk) -> Any:
@@ -49,18 +49,18 @@ def fly_chunk(pickled: bytes, chunk: Chunk) -> Any:
         chunk: first flight and count.
 
     Returns:
-        the flights, a pyarrow.Table.
+        The flights, a pyarrow.Table.
     """
     if getattr(_own, "pickled", None) != pickled:
         _own.settings = pickle.loads(pickled)
-        _own.range = Range(_own.settings)
+        _own.range = FlightRange(_own.settings)
         _own.pickled = pickled
     flown: Flown = _own.range.fly(*chunk)
     return make_table(flown, _own.range.columns, _own.settings.mission.jettison_names)
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores available to this process."""
     return len(os.sched_getaffinity(0))
 
 
@@ -72,12 +72,12 @@ def fly_here(settings: Settings, chunks: Iterable[Chunk]) -> Tables:
 
 
 def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> Tables:
-    """Fly in as many threads; compiled flights leave the interpreter's lock alone.
+    """Fly in several threads; compiled flights release the interpreter's lock.
 
     Args:
-        settings: what is flown.
-        chunks: which flights.
-        count: threads.
+        settings: of the flights.
+        chunks: to be flown.
+        count: number of threads.
     """
     pickled = pickle.dumps(settings)
     waiting = iter(chunks)
@@ -94,7 +94,7 @@ def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> 
             for future in done:
                 yield future.result()
     except KeyboardInterrupt:
-        # flights under way are given up
+        # do not wait for running flights
         patient = False
         raise
     finally:
@@ -102,22 +102,22 @@ def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> 
 
 
 def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str) -> Tables:
-    """Fly on the workers of a Dask cluster; a chunk whose worker is lost is flown by another.
+    """Fly on the workers of a Dask cluster; repeat the chunk of a lost worker on another.
 
     Args:
-        settings: what is flown.
-        chunks: which flights.
+        settings: of the flights.
+        chunks: to be flown.
         address: of the scheduler, such as ``tcp://host:8786``.
 
     Raises:
         EngineError: no scheduler there, no workers, or workers without this project.
     """
-    # only this engine needs it, and its import takes long
+    # a slow import, needed by this engine only
     from distributed import Client, as_completed
     from distributed.comm import get_address_host_port
 
     try:
-        # a client refuses what is no address too, and cannot be closed then
+        # checked here, since a client with an invalid address cannot be closed
         get_address_host_port(address)
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -146,7 +146,7 @@ def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str)
             if isinstance(result, pa.Table):
                 yield result
                 continue
-            # a worker was lost with it; what goes wrong in a flight is in the table
+            # its worker was lost; errors of flights are in the table
             losses[chunk] += 1
             if losses[chunk] <= RETRIES:
                 submit(chunk)
@@ -155,10 +155,10 @@ def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str)
 
 
 def _check_workers(client: Any, address: str) -> None:
-    """Whether there are workers that can fly.
+    """Check that there are workers that can fly.
 
     Raises:
-        EngineError: not so.
+        EngineError: there are none.
     """
     if not client.nthreads():
         raise EngineError(f"the Dask scheduler at {address!r} has no workers")
@@ -169,13 +169,13 @@ def _check_workers(client: Any, address: str) -> None:
 
 
 def _can_fly() -> None:
-    """Runs on every worker: imports what a flight needs."""
+    """Import the modules of a flight on a worker."""
     __import__(fly_chunk.__module__)
 
 
 def lost(settings: Settings, chunk: Chunk, error: object) -> Any:
-    """A chunk that no worker brought to its end, as failed flights."""
-    flyer = Range(settings)
+    """Return a chunk that no worker completed, as failed flights."""
+    flyer = FlightRange(settings)
     first, count = chunk
     flown = Flown(
         first,
@@ -191,11 +191,11 @@ def _line(error: object) -> str:
 
 
 def choose(scheduler: str | None, workers: int | None) -> Engine:
-    """The engine that is asked for.
+    """Return the requested engine.
 
     Args:
-        scheduler: address of a Dask scheduler; None for this machine.
-        workers: threads; None for one per core.
+        scheduler: address of a Dask scheduler; None: this machine.
+        workers: threads; None: one per core.
     """
     if scheduler is not None:
         return partial(fly_on_cluster, address=scheduler)

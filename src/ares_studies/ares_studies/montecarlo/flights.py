@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights of a campaign by their numbers, without Python in any of them."""
+"""Fly flights of a campaign by number, without Python inside any of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -30,15 +30,15 @@ from ares_vehicle_sim.simulator import (
 
 @dataclass(frozen=True)
 class Settings:
-    """What is flown: everything that the result of a flight depends on but its number.
+    """Hold everything on which the result of a flight depends, except its number.
 
     Attributes:
-        mission: what guidance believes, and the middle of the truth.
-        dispersions: how the truth differs.
+        mission: mission believed by guidance, and centre of the dispersed truth.
+        dispersions: of the truth.
         seed: master seed.
         law: one of `ares_guidance.registry.law_names`.
         law_settings: cycle and gates.
-        options: how the plant is stepped.
+        options: integration of the plant.
     """
 
     mission: Mission
@@ -51,13 +51,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Flown:
-    """Flights in a row.
+    """Hold consecutive flights.
 
     Attributes:
         first: number of the first.
-        inputs: shape (n, columns), what was drawn; nan where that failed.
-        results: shape (n,), dtype RESULT; all zero where a flight failed.
-        errors: what went wrong in our own house, by flight.
+        inputs: shape (n, columns), the draws; nan if drawing failed.
+        results: shape (n,), dtype RESULT; all zero for a flight with an error.
+        errors: internal errors, by flight.
     """
 
     first: int
@@ -66,15 +66,15 @@ class Flown:
     errors: dict[int, str]
 
 
-class Range:
-    """Flies flights in a row. One thread at a time: every thread needs one of its own.
+class FlightRange:
+    """Fly consecutive flights. Not safe for several threads: each needs one of its own.
 
     Attributes:
         columns: names of the inputs.
     """
 
     def __init__(self, settings: Settings) -> None:
-        """Prepare.
+        """Allocate the arrays of a flight.
 
         Raises:
             ValueError: dispersions or law do not fit the mission; one line.
@@ -86,11 +86,11 @@ class Range:
         believed = mission.arrays(foreseen=True)
         law = ready_law(mission, settings.law, settings.law_settings)
         self._fly_many = campaign_loop(law.kind)
-        # the atmosphere of each flight comes with its draws
+        # the draws contain the atmosphere of each flight
         true = room_for_truth(self._nominal, self._nominal.atmosphere)
         vehicle = nominal_vehicle(mission, settings.options)
         self._blank = closed_loop(true, vehicle, believed, law.onboard)
-        self._room = closed_loop(
+        self._workspace = closed_loop(
             true,
             blank_vehicle(vehicle.options),
             believed,
@@ -100,7 +100,7 @@ class Range:
     def fly(self, first: int, count: int) -> Flown:
         """Fly the flights numbered ``first`` to ``first + count - 1``.
 
-        What goes wrong in one flight is noted with it and stops no other.
+        An error in one flight is recorded with it and stops no other.
         """
         try:
             return self._fly(first, count)
@@ -118,7 +118,7 @@ class Range:
         )
 
     def fly_failing(self, first: int, failures: Sequence[Failure]) -> Flown:
-        """Fly as many flights from ``first`` on, with one failure each.
+        """Fly flights from ``first`` on, one for each failure.
 
         Raises:
             FailureError: one of them does not fit the mission; one line.
@@ -138,7 +138,7 @@ class Range:
             draws.atmospheres,
             self._nominal,
             self._blank,
-            self._room,
+            self._workspace,
             results,
             failures,
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many dispersed flights in one compiled loop, each judged as it ends."""
+"""Fly many dispersed flights in one compiled loop, each judged at its end."""
 
 import math
 from typing import Any
@@ -20,7 +20,7 @@ from ares_vehicle_sim.kernels.variation import vary
 
 @kernel
 def judge(loop: Loop, result: Record) -> None:
-    """Judge a flight that is over; fills a record RESULT."""
+    """Judge a completed flight; fill a record RESULT."""
     plant = loop.vehicle.plant
     jettisons = loop.true.jettisons
     result.end_time = plant.time
@@ -79,7 +79,7 @@ def fly_many(
     atmospheres: NDArray[Any],
     nominal: MissionArrays,
     blank: LoopArrays,
-    room: LoopArrays,
+    workspace: LoopArrays,
     results: NDArray[Any],
     failures: NDArray[Any],
 ) -> None:
@@ -88,27 +88,29 @@ def fly_many(
     Args:
         variations: shape (n,), dtype VARIATION.
         atmospheres: shape (n, m, 5), or (1, m, 5) for all.
-        nominal: the truth before it varies.
-        blank: a loop before its flight, at the nominal start.
-        room: a loop for one flight after the other. Changed.
+        nominal: the truth before dispersion.
+        blank: an unused loop at the nominal start.
+        workspace: workspace of one flight after the other. Changed.
         results: shape (n,), dtype RESULT. Changed.
         failures: shape (n,), dtype FAILURE, or (1,) for all.
     """
     for k in range(variations.shape[0]):
         true = MissionArrays(
-            room.true.environment,
+            workspace.true.environment,
             atmospheres[k % atmospheres.shape[0]],
-            room.true.arcs,
-            room.true.jettisons,
-            room.true.target,
+            workspace.true.arcs,
+            workspace.true.jettisons,
+            workspace.true.target,
         )
-        loop = loop_records(LoopArrays(true, room.vehicle, room.believed, room.onboard))
-        room.vehicle.plant[0] = blank.vehicle.plant[0]
-        room.onboard.state[0] = blank.onboard.state[0]
-        room.onboard.steering[0] = blank.onboard.steering[0]
-        room.onboard.memory[0] = blank.onboard.memory[0]
+        loop = loop_records(
+            LoopArrays(true, workspace.vehicle, workspace.believed, workspace.onboard)
+        )
+        workspace.vehicle.plant[0] = blank.vehicle.plant[0]
+        workspace.onboard.state[0] = blank.onboard.state[0]
+        workspace.onboard.steering[0] = blank.onboard.steering[0]
+        workspace.onboard.memory[0] = blank.onboard.memory[0]
         vary(variations[k], nominal, true, loop.vehicle.plant)
-        room.vehicle.plant[0].failure = failures[k % failures.shape[0]]
+        workspace.vehicle.plant[0].failure = failures[k % failures.shape[0]]
         begin_flight(loop.true, loop.vehicle.plant)
         measure(loop.vehicle)
         run(loop)

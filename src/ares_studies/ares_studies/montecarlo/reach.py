@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a vehicle was able to do what it failed to do: the optimum of what was drawn.
+"""Determine whether a dispersed vehicle could have reached the target, by its optimum.
 
-No guidance is asked: the optimizer flies the drawn vehicle in the drawn atmosphere and gravity,
-and knows all of it from the start.
+Without guidance: the optimizer flies the drawn vehicle in the drawn atmosphere and gravity, all
+known from the start.
 """
 
 import math
@@ -16,19 +16,18 @@ from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.table import Outcome
 from ares_vehicle_sim.simulator import true_vehicle
 
-#: Wall time for one flight, s; an optimum takes some 10 ms.
+#: Wall time limit of one solution, s; an optimum takes some 10 ms.
 TIME_LIMIT = 5.0
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What the optimizer says of a flight.
+    """Hold the optimizer's answer for a flight.
 
     Attributes:
-        within: True: it flies to the target; False: something stands in the way; None: it found
-            no flight, and nothing that does.
-        m_f_kg: mass after that flight; nan without one.
-        reason: why not; empty if it flies.
+        within: True: the target can be reached; False: it cannot; None: neither was shown.
+        m_f_kg: final mass of the optimum; nan without one.
+        reason: why not; "" if it can.
     """
 
     within: bool | None
@@ -36,7 +35,7 @@ class Reach:
     reason: str
 
     def __str__(self) -> str:
-        """For a person."""
+        """Describe the answer."""
         if self.within is None:
             return f"within reach or not: unknown, {self.reason}"
         if self.within:
@@ -45,7 +44,7 @@ class Reach:
 
 
 def reach(settings: Settings, flight: int) -> Reach:
-    """What a flight of a campaign could have done.
+    """Solve for the optimum of a campaign's flight.
 
     Args:
         settings: of the campaign.
@@ -72,7 +71,7 @@ def reach(settings: Settings, flight: int) -> Reach:
 
 
 def reaches(settings: Settings, failures: Iterable[dict[str, Any]]) -> dict[int, Reach]:
-    """The same for rows of the table of flights, by flight; not for errors of our own house."""
+    """Solve for the optima of failed rows, by flight; skip internal errors."""
     return {
         row["flight"]: reach(settings, row["flight"])
         for row in failures

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign's page: what came of it, why, and the flights worth a second look."""
+"""Compose a campaign's page: results, influences, and the flights worth a second look."""
 
 import math
 from collections import Counter
@@ -54,15 +54,15 @@ from ares_vehicle_sim.draws import FIELDS
 
 Array = NDArray[np.float64]
 
-#: Targets that name radius, speed and angle, and so the orbit of what is reached.
+#: Targets of radius, speed and angle, whose errors determine the orbit reached.
 _AIMED_STATES = (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE)
 
-#: Marks of flights without a value stand aside of a histogram by this share of its width.
+#: Distance of marks without a value from a histogram, as a fraction of its width.
 _ASIDE = 0.04
-#: Points of a scatter plot.
+#: Most points of a scatter plot.
 CLOUD = 3000
 
-#: Names for people: of what is drawn, and of the results.
+#: Labels of draws and results.
 DRAWN_NAMES = {
     "initial_position_m": "initial position",
     "initial_velocity_m_s": "initial velocity",
@@ -112,7 +112,7 @@ FLAG_NAMES = {
 
 @dataclass(frozen=True)
 class Case:
-    """A flight worth a second look."""
+    """Hold a flight worth a second look."""
 
     flight: int
     why: str
@@ -121,17 +121,17 @@ class Case:
 
 @dataclass(frozen=True)
 class CampaignReport:
-    """Everything on the page.
+    """Hold the contents of the page.
 
     Attributes:
-        title: what was flown.
+        title: of the mission.
         facts: how it was flown, by name.
         headline: counts.
         masses: final mass and propellant.
         chapters: figures and tables.
-        cases: flights to look at again, by what is special about them.
-        globe: ways of some flights over the Earth.
-        command: flies flight k again with ``--flight k`` behind it.
+        cases: flights to look at again, by reason.
+        globe: tracks of some flights over the Earth.
+        command: repeats flight k with ``--flight k`` appended.
     """
 
     title: str
@@ -145,14 +145,14 @@ class CampaignReport:
 
     @property
     def globe_key(self) -> list[tuple[str, Role, int]]:
-        """Names, colours and numbers of the flights on the globe."""
+        """Return names, colours and numbers of the flights on the globe."""
         counts = Counter(flight.role for flight in self.globe.flights)
         kinds = (ARRIVED, FAILED, NOMINAL)
         return [(name, role, counts[role]) for name, role in kinds if counts[role]]
 
     @property
     def globe_text(self) -> str:
-        """What is on the globe, in words."""
+        """Describe the flights on the globe."""
         counts = {name: count for name, _, count in self.globe_key}
         arrived = counts.get(ARRIVED[0], 0)
         text = f"{arrived:,} flights of those that arrived, evenly spread"
@@ -161,12 +161,12 @@ class CampaignReport:
         return f"{text}, and the one that nothing disperses: each flown again."
 
     def to_json(self) -> dict[str, Any]:
-        """Ready for ``json.dumps(allow_nan=False)``."""
+        """Return an object for ``json.dumps(allow_nan=False)``."""
         return asdict(self)
 
 
 def render(report: CampaignReport) -> str:
-    """The page, with everything in it."""
+    """Render the page as one self-contained file."""
     return render_report(make_environment(__package__), report, one_line(report.to_json()))
 
 
@@ -178,15 +178,15 @@ def make_report(
     reached: Mapping[int, Reach],
     globe: Globe,
 ) -> CampaignReport:
-    """What the page shows.
+    """Compose the contents of the page.
 
     Args:
-        settings: what was flown.
-        summary: what came of it.
-        facts: how it was flown, for people.
-        command: flies flight k again with ``--flight k`` behind it.
-        reached: what the failures could have done, by flight.
-        globe: ways of some flights over the Earth.
+        settings: of the flights.
+        summary: their statistics.
+        facts: how they were flown, for people.
+        command: repeats flight k with ``--flight k`` appended.
+        reached: optimizer's answer for failed flights, by flight.
+        globe: tracks of some flights over the Earth.
     """
     chapters = (
         Chapter(1, "Results", _results_text(summary), tuple(_result_figures(summary))),
@@ -219,7 +219,7 @@ def make_report(
 
 
 def drawn_name(column: str) -> str:
-    """Name of a drawn quantity for people: ``thrust_core`` is ``thrust, core``."""
+    """Return the label of a drawn quantity: ``thrust_core`` is ``thrust, core``."""
     for base in sorted(FIELDS, key=len, reverse=True):
         flat = base.replace(".", "_")
         if column == flat or column.startswith(flat + "_"):
@@ -290,7 +290,7 @@ def _results_text(summary: Summary) -> str:
     over = over[np.isfinite(over)]
     text = "Final mass as flown: a fairing that stayed on is in it."
     if over.size:
-        # the jettison itself stands at the limit
+        # the jettison itself is at the limit
         beyond = int(np.count_nonzero(over > 1.001))
         many = f"{beyond:,}" if beyond else "none"
         text += (
@@ -302,12 +302,12 @@ def _results_text(summary: Summary) -> str:
 
 
 def _item(title: str, see: str, figure: Figure) -> Item:
-    """A figure that gets its number later."""
+    """Make a figure without a number yet."""
     return Item("", "figure", "", title[0].upper() + title[1:], see, figure)
 
 
 def _numbered(chapters: Sequence[Chapter]) -> tuple[Chapter, ...]:
-    """The same with names for the tables and figures, in their order."""
+    """Assign numbers to the tables and figures, in order."""
     counts = {"table": 0, "figure": 0}
     done = []
     for chapter in chapters:
@@ -333,7 +333,7 @@ def _histogram(
     if log:
         most = max(float(counts.max()) for _, _, counts in kinds)
         flights = Axis("flights", "", log=True, span=(0.5, 2.0 * most))
-    # a logarithm has no zero
+    # avoid log(0)
     floor = 0.5 if log else 0.0
     series = tuple(
         Series(
@@ -348,7 +348,7 @@ def _histogram(
 
 
 def _each_failure(summary: Summary, name: str, floor: float) -> tuple[tuple[Series, ...], str]:
-    """A mark for each of the first flights that failed; beyond the bins where it has no value."""
+    """Make a mark for each of the first failed flights; beyond the bins without a value."""
     edges = summary.histograms[name].edges
     beyond = edges[-1] + _ASIDE * (edges[-1] - edges[0])
     x, texts = [], []
@@ -366,12 +366,12 @@ def _each_failure(summary: Summary, name: str, floor: float) -> tuple[tuple[Seri
 
 
 def _said(flight: int, failure: str) -> str:
-    """A flight and why it failed, in lines that fit beside a pointer."""
+    """Format a flight and its failure in short lines for a tooltip."""
     return f"flight {flight}<br>{escape(failure, quote=False).replace('; ', '<br>')}"
 
 
 def _beyond(histogram: Histogram) -> str:
-    """What the outermost bins hold besides their own."""
+    """Describe the values outside the bins, which the outermost bins include."""
     sides = (("below", histogram.below), ("beyond", histogram.above))
     told = [f"{count:,} {side}" for side, count in sides if count]
     if not told:
@@ -398,7 +398,7 @@ def _result_figures(summary: Summary) -> list[Item]:
             Guide(summary.reserve.used_kg, "99.7 %"),
         ]
     return [
-        # nearly all stand at the limit: the others are told apart by a logarithm
+        # nearly all are at the limit: only a log scale shows the others
         _histogram(summary, name, guides.get(name, []), log=name.startswith("heating"))
         for name in names
         if name in summary.histograms
@@ -406,12 +406,12 @@ def _result_figures(summary: Summary) -> list[Item]:
 
 
 def _cloud(summary: Summary, x: str, y: str, title: str, x_axis: Axis, y_axis: Axis) -> Item:
-    """A scatter plot of two columns; flights that failed stand out."""
+    """Make a scatter plot of two columns, with failed flights marked."""
     return _scatter(summary, summary.sample[x], summary.sample[y], title, x_axis, y_axis)
 
 
 def _scatter(summary: Summary, x: Array, y: Array, title: str, x_axis: Axis, y_axis: Axis) -> Item:
-    """A scatter plot of two numbers of each flight of the sample."""
+    """Make a scatter plot of two numbers of each flight of the sample."""
     xs, ys = x[:CLOUD], y[:CLOUD]
     flights = summary.sample["flight"][:CLOUD]
     good = summary.sample["succeeded"][:CLOUD].astype(bool)
@@ -435,7 +435,7 @@ def _scatter(summary: Summary, x: Array, y: Array, title: str, x_axis: Axis, y_a
 
 
 def perigee_apogee(sample: Mapping[str, Array], target: Record, mu: float) -> tuple[Array, Array]:
-    """Perigee and apogee of the orbits reached, from the errors and the target.
+    """Compute perigee and apogee of the orbits reached, from errors and target.
 
     Args:
         sample: columns of the table of flights, shape (n,) each.
@@ -443,7 +443,7 @@ def perigee_apogee(sample: Mapping[str, Array], target: Record, mu: float) -> tu
         mu: gravitational parameter, m3/s2.
 
     Returns:
-        Radii of perigee and apogee, shape (n,) each, m; nan where the errors do not tell them,
+        Radii of perigee and apogee, shape (n,) each, m; nan where the errors do not determine them,
         or the orbit has none.
     """
     perigee = float(target["perigee_radius"]) + sample["perigee_radius_error_m"]

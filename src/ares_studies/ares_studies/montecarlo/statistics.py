@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a campaign says: counts, intervals, reserve, sensitivities, worst flights.
+"""Compute a campaign's statistics: counts, intervals, reserve, sensitivities, worst flights.
 
-Everything is gathered from the file of flights one group of rows at a time, so that the
-memory does not grow with the campaign, but for three numbers in a thousand flights (the tail
-that the reserve is read from).
+The file of flights is read one group of rows at a time, so that memory does not grow with the
+campaign, except for three numbers per thousand flights (the tail for the reserve).
 """
 
 from collections import Counter
@@ -23,45 +22,45 @@ Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 CONFIDENCE = 0.95
-#: Blocks of flights that the bootstrap draws from instead of single flights.
+#: Blocks of flights that the bootstrap resamples instead of single flights.
 BLOCKS = 200
 RESAMPLES = 2000
-#: The reserve is enough in this share of flights, with this confidence.
+#: Fraction of flights for which the reserve suffices, and confidence of that.
 RESERVE_SHARE = 0.997
 RESERVE_CONFIDENCE = 0.90
-#: Flights that sensitivities and scatter plots are made of: the file's first group of rows.
+#: Flights in sensitivities and scatter plots: the file's first group of rows.
 SAMPLE = GROUP
-#: Flights of each list of worst ones.
+#: Length of each list of worst flights.
 WORST = 5
-#: Flights that failed which are kept, for their ways over the Earth and their marks.
+#: Most failed flights kept, for their tracks and marks.
 FAILED = 30
 BINS = 80
-#: A histogram is wider than the flights that succeeded by this share at most, on either side.
+#: Most by which a histogram extends beyond the successful flights on either side, as a fraction.
 NEAR = 0.25
 
 
 class Tally:
-    """Counts and moments of flights, added in chunks.
+    """Count flights and accumulate moments, chunk by chunk.
 
     Attributes:
         n: flights.
-        counts: how many have each of the flags, and all of them (`succeeded`).
-        outcomes: how many ended how.
+        counts: flights with each flag, and with all of them (`succeeded`).
+        outcomes: flights by outcome.
         least, most: final mass, kg.
     """
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start without flights."""
         self.n = 0
         self.counts = dict.fromkeys((*FLAGS, "succeeded"), 0)
         self.outcomes: Counter[str] = Counter()
         self.least, self.most = np.inf, -np.inf
         self._origin: float | None = None
-        # flights, sums and sums of squares of the mass, by block
+        # by block: number of flights, sum and sum of squares of the mass
         self._blocks = np.zeros((3, BLOCKS))
 
     def add(self, table: Any) -> None:
-        """Add flights, a pyarrow.Table that follows the ones before."""
+        """Add flights, a pyarrow.Table that continues the previous ones."""
         self.n += table.num_rows
         for name in self.counts:
             self.counts[name] += int(np.count_nonzero(table[name].to_numpy()))
@@ -80,21 +79,21 @@ class Tally:
             self._blocks[row] += np.bincount(block, weights, BLOCKS)
 
     def proportion(self, name: str) -> Interval:
-        """Exact (Clopper-Pearson) interval of the share of flights that have a flag."""
+        """Compute the exact (Clopper-Pearson) interval of the fraction of flights with a flag."""
         interval = stats.binomtest(self.counts[name], self.n).proportion_ci(CONFIDENCE, "exact")
         return float(interval.low), float(interval.high)
 
     def mass(self) -> Interval:
-        """Mean and standard deviation of the final mass, kg."""
+        """Compute mean and standard deviation of the final mass, kg."""
         if self._origin is None:
             return np.nan, np.nan
         mean, deviation = _moments(*self._blocks.sum(axis=1))
         return self._origin + float(mean), float(deviation)
 
     def mass_intervals(self) -> tuple[Interval, Interval]:
-        """Bootstrap intervals of mean and standard deviation of the final mass, kg.
+        """Compute bootstrap intervals of mean and standard deviation of the final mass, kg.
 
-        Blocks of flights are resampled instead of flights: as good, and of fixed size.
+        Blocks of flights are resampled instead of flights: equally accurate, and of fixed size.
         """
         blocks = self._blocks[:, self._blocks[0] > 0.0]
         if self._origin is None or blocks.shape[1] < 2:
@@ -121,7 +120,7 @@ class Tally:
 
 
 def _moments(count: Any, total: Any, squares: Any) -> Array:
-    """Mean and standard deviation, stacked, from counts and sums."""
+    """Compute mean and standard deviation, stacked, from counts and sums."""
     mean = total / count
     variance = np.maximum(squares / count - mean * mean, 0.0)
     return np.array([mean, np.sqrt(variance * count / np.maximum(count - 1.0, 1.0))])
@@ -129,13 +128,13 @@ def _moments(count: Any, total: Any, squares: Any) -> Array:
 
 @dataclass(frozen=True)
 class Reserve:
-    """Propellant to hold back for dispersions.
+    """Hold the propellant reserve for dispersions.
 
     Attributes:
-        needed: flights that the bound takes at least.
-        used_kg: by the last stage: no more in RESERVE_SHARE of flights, with
-            RESERVE_CONFIDENCE; nan: too few flights, or too many that did not arrive.
-        nominal_kg: used by the flight that nothing disperses.
+        needed: least number of flights for the bound.
+        used_kg: upper bound on the use of the last stage, in RESERVE_SHARE of flights with
+            RESERVE_CONFIDENCE; nan: too few flights, or too many missed the target.
+        nominal_kg: use in the undispersed flight.
     """
 
     needed: int
@@ -144,26 +143,26 @@ class Reserve:
 
     @property
     def reserve_kg(self) -> float:
-        """Beyond what the nominal flight uses."""
+        """Return the bound minus the nominal use."""
         return self.used_kg - self.nominal_kg
 
 
 def bound_rank(n: int) -> int:
-    """Which largest of n numbers bounds RESERVE_SHARE of them with RESERVE_CONFIDENCE; 0: none.
+    """Return the rank of the value that bounds RESERVE_SHARE of n with RESERVE_CONFIDENCE; 0: none.
 
-    Distribution-free (order statistics): the k-th largest is beyond the quantile when at least
+    Distribution-free (order statistics): the k-th largest is beyond the quantile if at least
     k of n flights are, a binomial number.
     """
     return int(stats.binom.ppf(1.0 - RESERVE_CONFIDENCE, n, 1.0 - RESERVE_SHARE))
 
 
 def flights_needed() -> int:
-    """Flights from which on the reserve has a bound."""
+    """Return the least number of flights for a bound on the reserve."""
     return int(np.ceil(np.log(1.0 - RESERVE_CONFIDENCE) / np.log(RESERVE_SHARE)))
 
 
 class _Tail:
-    """The largest numbers of many."""
+    """Keep the largest of many numbers."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -176,22 +175,22 @@ class _Tail:
         self._values = together
 
     def largest(self, k: int) -> float:
-        """The k-th largest, k from 1."""
+        """Return the k-th largest, k from 1."""
         return float(np.sort(self._values)[-k])
 
 
 @dataclass(frozen=True)
 class Histogram:
-    """How often a quantity was where.
+    """Hold a histogram of a quantity.
 
-    The range is that of the flights that succeeded, or of all if none did, wider if the others
-    lie near by; what lies beyond it is counted in the outermost bin.
+    The range is that of the successful flights, or of all if none succeeded, extended to the others
+    if they are close; values beyond it are counted in the outermost bin.
 
     Attributes:
         edges: shape (bins + 1,).
-        counts: of the flights that succeeded, shape (bins,).
+        counts: of the successful flights, shape (bins,).
         failed: of the others, shape (bins,).
-        below, above: how many of them are counted there though they lie beyond.
+        below, above: number of values counted there although they lie outside.
     """
 
     edges: Array
@@ -203,7 +202,7 @@ class Histogram:
 
 @dataclass(frozen=True)
 class Influence:
-    """How strongly what was drawn moves a result: Spearman's rank correlation."""
+    """Hold Spearman's rank correlation of a draw with a result."""
 
     name: str
     correlation: float
@@ -212,15 +211,15 @@ class Influence:
 
 @dataclass(frozen=True)
 class Summary:
-    """A campaign.
+    """Hold the statistics of a campaign.
 
     Attributes:
         tally: counts and moments.
         reserve: of propellant.
         histograms: by column of the table.
         influences: of each draw on a result, strongest first, by the result's column.
-        worst: rows, by what is bad about them.
-        failures: rows of the first flights that failed.
+        worst: rows, by criterion.
+        failures: rows of the first failed flights.
         sample: columns of the first flights.
     """
 
@@ -234,7 +233,7 @@ class Summary:
 
     @property
     def failed(self) -> dict[int, str]:
-        """The first flights that failed, and why."""
+        """Return the reason of each of the first failed flights."""
         return {row["flight"]: row["failure"] for row in self.failures}
 
 
@@ -256,7 +255,7 @@ HISTOGRAMS = (
     "c3_error_m2_s2",
     "true_anomaly_error_deg",
 )
-#: Results whose sensitivities are told.
+#: Results whose sensitivities are reported.
 TOLD = ("m_f_kg", "t_plf_s", "t_meco_s")
 #: Lists of worst flights: title, column, and whether low is bad.
 LISTS = (
@@ -270,11 +269,11 @@ FAILURES = "failures"
 
 
 def summarize(path: Path, nominal_kg: float) -> Summary:
-    """Everything that is told of a campaign.
+    """Compute the statistics of a campaign.
 
     Args:
         path: its file of flights.
-        nominal_kg: propellant that the last stage uses in the flight that nothing disperses.
+        nominal_kg: propellant used by the last stage in the undispersed flight.
     """
     with pq.ParquetFile(path) as file:
         gathered = _Gathered(file.metadata.num_rows)
@@ -295,7 +294,7 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
 
 
 class _Gathered:
-    """The first of two passes over the flights."""
+    """Accumulate the first of two passes over the flights."""
 
     def __init__(self, count: int) -> None:
         self.tally = Tally()
@@ -340,7 +339,7 @@ def _rows(table: Any, rows: Any) -> list[dict[str, Any]]:
 
 
 def _widen(spans: dict[str, Interval], name: str, values: Array) -> None:
-    """Make a span hold the finite ones of some values."""
+    """Extend a span to the finite ones of some values."""
     values = values[np.isfinite(values)]
     if values.size:
         low, high = spans.get(name, (np.inf, -np.inf))
@@ -348,7 +347,7 @@ def _widen(spans: dict[str, Interval], name: str, values: Array) -> None:
 
 
 def _edges(every: Interval, good: Interval) -> Array:
-    """Edges of the bins of a quantity, from its spans."""
+    """Compute the bin edges of a quantity from its spans."""
     width = good[1] - good[0]
     low = every[0] if every[0] >= good[0] - NEAR * width else good[0]
     high = every[1] if every[1] <= good[1] + NEAR * width else good[1]
@@ -370,7 +369,7 @@ def _histograms(file: Any, gathered: _Gathered) -> dict[str, Histogram]:
 
 
 def _counted(before: Histogram, values: Array, good: NDArray[np.bool_]) -> Histogram:
-    """A histogram with more flights in it."""
+    """Add flights to a histogram."""
     edges = before.edges
     known = np.isfinite(values)
     values, good = values[known], good[known]
@@ -385,7 +384,7 @@ def _counted(before: Histogram, values: Array, good: NDArray[np.bool_]) -> Histo
 
 
 def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
-    """Influence of every draw on a result, strongest first; none if the result never varies."""
+    """Compute the influence of every draw on a result, strongest first; empty if it is constant."""
     result = sample[name]
     known = np.isfinite(result)
     found = []

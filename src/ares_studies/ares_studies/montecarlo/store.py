@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign's folder: what is flown, the flights as they come, and all of them in the end.
+"""Store a campaign in a folder: its settings, the flights as they are flown, and the final file.
 
-campaign.json     what is flown; another run with other settings is refused
-parts/            one Parquet file per chunk of flights, each written whole or not at all
-flights.parquet   all flights in order, when the last part is there
+campaign.json     settings; a run with other settings is refused
+parts/            one Parquet file per chunk of flights, each written atomically
+flights.parquet   all flights in order, written after the last part
 """
 
 import fcntl
@@ -29,17 +29,17 @@ FLIGHTS = "flights.parquet"
 
 #: Columns with few different values.
 TEXTS = ["end", "outcome", "failure"]
-#: Rows of a group in the final file.
+#: Rows per group in the final file.
 GROUP = 20_000
 _PARTIAL = ".partial"
 
 
 class StoreError(ValueError):
-    """A folder cannot hold this campaign; the text is one line."""
+    """Report in one line that a folder cannot hold this campaign."""
 
 
 def describe(settings: Settings) -> dict[str, Any]:
-    """Everything that a flight depends on but its number, as plain data."""
+    """Return everything on which a flight depends, except its number, as plain data."""
     options = asdict(settings.options)
     data = {
         "format": FORMAT,
@@ -55,7 +55,7 @@ def describe(settings: Settings) -> dict[str, Any]:
 
 
 def _first_difference(old: Any, new: Any, path: str = "") -> str:
-    """The first key in which two pieces of plain data differ, with both values; or nothing."""
+    """Describe the first key in which plain data differ, with both values; "" if none."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted(old.keys() | new.keys()):
             found = _first_difference(old.get(key), new.get(key), f"{path}.{key}" if path else key)
@@ -66,17 +66,17 @@ def _first_difference(old: Any, new: Any, path: str = "") -> str:
 
 
 class Store:
-    """A campaign's folder, held by one process at a time.
+    """Hold a campaign's folder, locked by one process at a time.
 
     Attributes:
         folder: the folder.
     """
 
     def __init__(self, folder: Path, settings: Settings) -> None:
-        """Begin a campaign in a new folder, or take up the one that lies there.
+        """Start a campaign in a new folder, or continue the one that is there.
 
         Raises:
-            StoreError: another campaign lies there, another process has it, it cannot be
+            StoreError: it holds another campaign, another process uses it, or it cannot be
                 written; one line.
         """
         self.folder = folder
@@ -117,9 +117,9 @@ class Store:
             raise StoreError(f"{self.folder}: holds another campaign: {difference}")
 
     def _discard(self) -> None:
-        """Remove a campaign without flights; nothing of it is left."""
+        """Remove a campaign without flights."""
         with suppress(OSError):
-            # what did not fit is tried once more
+            # close retries the write that did not fit
             self._lock.close()
         with suppress(OSError):
             (self.folder / SETTINGS).unlink()
@@ -128,7 +128,7 @@ class Store:
                 self.folder.rmdir()
 
     def close(self) -> None:
-        """Let others have the folder."""
+        """Release the folder."""
         self._lock.close()
 
     def __enter__(self) -> "Store":
@@ -139,7 +139,7 @@ class Store:
 
     @property
     def flights(self) -> Path:
-        """The file that holds all flights in the end."""
+        """Return the path of the final file of all flights."""
         return self.folder / FLIGHTS
 
     # ---- parts
@@ -148,7 +148,7 @@ class Store:
         return self._parts / f"{first:012}-{count}.parquet"
 
     def spans(self) -> list[tuple[int, int]]:
-        """First and count of every part, in order; what is no whole part is removed."""
+        """Return first flight and count of every part, in order; remove incomplete files."""
         spans = []
         for path in sorted(self._parts.iterdir()):
             if path.suffix == ".parquet":
@@ -159,13 +159,13 @@ class Store:
         return spans
 
     def count(self) -> int:
-        """How many flights there are."""
+        """Return the number of flights stored."""
         if self.flights.exists():
             return int(pq.read_metadata(self.flights).num_rows)
         return sum(count for _, count in self.spans())
 
     def reopen(self) -> None:
-        """Make a finished campaign's file its first part, so that more flights can follow."""
+        """Make a completed campaign's file its first part, so that more flights can follow."""
         if self.flights.exists():
             for span in self.spans():
                 self._part(*span).unlink()
@@ -173,10 +173,10 @@ class Store:
 
     @contextmanager
     def _whole(self, path: Path) -> Iterator[Path]:
-        """Lend another name to write a file under, which is there whole or not at all.
+        """Yield a temporary path to write to, and rename it to the file if that succeeds.
 
         Raises:
-            StoreError: it cannot be written; one line. A campaign without flights is gone then.
+            StoreError: it cannot be written; one line. A campaign without flights is then removed.
         """
         partial = path.with_suffix(_PARTIAL)
         try:
@@ -196,7 +196,7 @@ class Store:
             ) from error
 
     def write(self, table: Any) -> None:
-        """Keep a chunk of flights, a pyarrow.Table.
+        """Store a chunk of flights, a pyarrow.Table.
 
         Raises:
             StoreError: it cannot be written; one line.
@@ -205,7 +205,7 @@ class Store:
             pq.write_table(table, partial, compression="none", use_dictionary=TEXTS)
 
     def finish(self, count: int) -> None:
-        """Put the parts together into one file of the first ``count`` flights.
+        """Combine the parts into one file of the first ``count`` flights.
 
         Raises:
             StoreError: it cannot be written; one line.
@@ -224,11 +224,11 @@ class Store:
             self._part(*span).unlink()
 
     def read(self, span: tuple[int, int]) -> Any:
-        """A part, a pyarrow.Table."""
+        """Read a part, a pyarrow.Table."""
         return pq.read_table(self._part(*span))
 
     def _joined(self, count: int) -> Iterator[Any]:
-        """The first rows of all parts in order, in tables of about GROUP rows."""
+        """Yield the first rows of all parts in order, in tables of about GROUP rows."""
         waiting: list[Any] = []
         for span in self.spans():
             if span[0] >= count:

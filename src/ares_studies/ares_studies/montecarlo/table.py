@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights as rows of a table: what was drawn, what came of it, and what was wrong with it."""
+"""Tabulate flights: draws, results, and reasons of failure."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -14,7 +14,7 @@ from ares_vehicle_sim.arrays import DEPLETION, IMPACT, TIME_LIMIT
 
 
 class Outcome(StrEnum):
-    """How a flight ended, by the first of these that holds."""
+    """Name the outcomes of a flight; the first that applies counts."""
 
     ERROR = "error"
     IMPACT = "impact"
@@ -27,10 +27,10 @@ class Outcome(StrEnum):
     SUCCESS = "success"
 
 
-#: Prefix of the columns that say what was drawn.
+#: Prefix of the columns of draws.
 DRAWN = "draw_"
 
-#: Digits behind the point of a miss, by its figure.
+#: Decimals of a miss, by its figure.
 _DECIMALS = {
     "radius_m": 0,
     "speed_m_s": 2,
@@ -48,11 +48,11 @@ _DECIMALS = {
 
 
 def error_column(figure: Figure) -> str:
-    """Return the name of the column that has the error of a figure."""
+    """Return the name of the column with the error of a figure."""
     return f"{figure.name}_error{figure.suffix}"
 
 
-#: Columns of numbers: name, field of RESULT, and whether it is an angle, shown in degrees.
+#: Numeric columns: name, field of RESULT, whether it is an angle, converted to degrees.
 NUMBERS = (
     ("m_f_kg", "mass", False),
     ("t_end_s", "end_time", False),
@@ -64,20 +64,20 @@ NUMBERS = (
     ("propellant_used_kg", "propellant_used", False),
     *((error_column(f), f"{f.name}_error", f.unit == "deg") for f in FIGURES),
 )
-#: The three that make a success.
+#: Conditions of a success.
 FLAGS = ("terminal_accuracy", "fairing_off", "heating_kept")
 
 
 def drawn_columns(columns: Sequence[str]) -> list[str]:
-    """Names in the table of what is drawn."""
+    """Return the column names of the draws."""
     return [DRAWN + column.replace(".", "_") for column in columns]
 
 
 def schema(columns: Sequence[str]) -> Any:
-    """The table's schema, a pyarrow.Schema.
+    """Return the table's schema, a pyarrow.Schema.
 
     Args:
-        columns: what is drawn, as the sampler names it.
+        columns: draws, as named by the sampler.
     """
     fields = [("flight", pa.int64())]
     fields += [(name, pa.float64()) for name in drawn_columns(columns)]
@@ -89,11 +89,11 @@ def schema(columns: Sequence[str]) -> Any:
 
 
 def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -> Any:
-    """Flights as a pyarrow.Table; what is not known is null.
+    """Tabulate flights as a pyarrow.Table; unknown values are null.
 
     Args:
         flown: the flights.
-        columns: what is drawn, as the sampler names it.
+        columns: draws, as named by the sampler.
         jettisons: name of each jettison, for the failures.
     """
     results = flown.results
@@ -131,10 +131,10 @@ def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -
 
 
 def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
-    """Why a flight is no success: the first reason, and all of them in words.
+    """Return why a flight failed: the first outcome that applies, and all reasons in words.
 
     Args:
-        result: record RESULT of a flight that is none.
+        result: record RESULT of a failed flight.
         jettisons: name of each jettison.
     """
     reasons = []
@@ -162,7 +162,7 @@ def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
 
 
 def _misses(result: Any) -> list[str]:
-    """The errors that are beyond their limits, in words."""
+    """Describe the errors beyond their limits."""
     misses = []
     for figure in FIGURES:
         error = figure.in_unit(result[f"{figure.name}_error"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ways of a campaign's flights over the Earth: some of them flown again, for its globe."""
+"""Repeat some flights of a campaign for the tracks on its globe."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -18,23 +18,23 @@ from ares_studies.pages.parts import Role
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 
-#: One of so many flights is flown again, but for these bounds.
+#: Sampling interval of repeated flights; their least and greatest number.
 ONE_OF = 200
 FEWEST, MOST = 20, 100
-#: Points of a way.
+#: Points of a track.
 POINTS = 60
 
-#: How near the globe is seen at first, at most: the ways are close to each other.
+#: Largest initial zoom of the globe, on which the tracks are close to each other.
 NEAREST = 5.0
 
-#: What the flights on the globe are, and in which colour.
+#: Label and colour of the flights on the globe.
 ARRIVED: tuple[str, Role] = ("arrived", "here")
 FAILED: tuple[str, Role] = ("failed", "thesis")
 NOMINAL: tuple[str, Role] = ("the nominal flight", "other")
 
 
 def sampled(summary: Summary) -> list[int]:
-    """Flights of a campaign that succeeded, evenly spread: each is as random as any."""
+    """Select successful flights, evenly spread over the sample."""
     arrived = summary.sample["flight"][summary.sample["succeeded"].astype(bool)]
     shown = min(len(arrived), MOST, max(FEWEST, summary.tally.n // ONE_OF))
     chosen = np.linspace(0, max(len(arrived) - 1, 0), shown).astype(int)
@@ -42,15 +42,15 @@ def sampled(summary: Summary) -> list[int]:
 
 
 def make_ways(settings: Settings, flights: Iterable[int], failures: Mapping[int, str]) -> Globe:
-    """The globe of a campaign.
+    """Make the globe of a campaign.
 
     Args:
         settings: of the campaign.
-        flights: that arrived.
-        failures: flights that failed, and why.
+        flights: successful flights.
+        failures: failed flights with their reasons.
     """
     refly = _Refly(settings)
-    # the first one lies at the back
+    # the first one is drawn behind the others
     shown = [refly.way(None, NOMINAL[0], NOMINAL[1])]
     shown += [refly.way(k, f"flight {k}", ARRIVED[1]) for k in flights]
     shown += [refly.way(k, f"flight {k}: {why}", FAILED[1]) for k, why in failures.items()]
@@ -63,14 +63,14 @@ def make_ways(settings: Settings, flights: Iterable[int], failures: Mapping[int,
 
 
 class _Refly:
-    """Flies flights of a campaign again, step by step."""
+    """Repeat flights of a campaign step by step."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._law = ready_law(settings.mission, settings.law, settings.law_settings)
 
     def way(self, flight: int | None, name: str, role: Role) -> GlobeFlight:
-        """A flight on the globe; None: the one that nothing disperses."""
+        """Fly one flight for the globe; None: the undispersed one."""
         settings, law = self._settings, self._law
         dispersions = Dispersions() if flight is None else settings.dispersions
         simulator = Simulator(
@@ -84,7 +84,7 @@ class _Refly:
             if simulator.complete:
                 break
             law.step(simulator.navigation)
-            # a command that cannot be flown changes nothing, as in the campaign
+            # a refused command changes nothing, as in the campaign
             with suppress(CommandRefused):
                 simulator.command(law.steering)
             simulator.advance()
@@ -92,7 +92,7 @@ class _Refly:
 
 
 def _on_globe(mission: Mission, rows: NDArray[np.float64], name: str, role: Role) -> GlobeFlight:
-    """A way from its states: time and position, shape (n, 4)."""
+    """Convert states, time and position, shape (n, 4), to a track on the globe."""
     kept = rows[np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))]
     time, position = kept[:, 0], kept[:, 1:]
     track = ground_track(time, position, mission.earth())

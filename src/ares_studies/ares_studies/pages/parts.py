@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a report: plain data that both its page and its JSON file show.
+"""Define the parts of a report: plain data for both its page and its JSON file.
 
-A number carries its text, so that the two files cannot say different things.
+A number carries its text, so that the two files cannot differ.
 """
 
 import math
@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Whose number it is; decides the colour. `other` and `third` are further results of ours, what is
-#: `quiet` is the ground of a map.
+#: Origin of a number, which sets its colour. `other` and `third` are further results of ours,
+#: `quiet` is the background of a map.
 Role = Literal["here", "other", "third", "thesis", "otis", "quiet"]
 Shape = Literal["line", "dashes", "dots", "step", "bars", "band", "marks", "cloud"]
 
@@ -23,12 +23,12 @@ MINUS = "\N{MINUS SIGN}"
 
 @dataclass(frozen=True)
 class Cell:
-    """A number or a word of a table.
+    """Hold a number or a word of a table.
 
     Attributes:
         text: as shown.
-        value: the number behind it; None for a word or where there is none.
-        below: in small letters below it.
+        value: the number; None for a word or a missing number.
+        below: small print below it.
     """
 
     text: str
@@ -38,7 +38,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Column:
-    """Head of a column; `role` marks whose numbers stand below it."""
+    """Hold the head of a column; `role` marks the origin of its numbers."""
 
     title: str
     role: Role | None = None
@@ -46,7 +46,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """One row: its name, its cells, and a sentence below it where there is something to say."""
+    """Hold one row: label, cells, and a note below if needed."""
 
     label: str
     cells: tuple[Cell, ...]
@@ -55,12 +55,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
+    """Hold a table.
 
     Attributes:
-        columns: without the one of the labels.
+        columns: without that of the labels.
         rows: each with as many cells as there are columns.
-        finding: what it shows, in a sentence.
+        finding: conclusion, in a sentence.
     """
 
     columns: tuple[Column, ...]
@@ -70,15 +70,15 @@ class Table:
 
 @dataclass(frozen=True)
 class Series:
-    """A line or a set of marks.
+    """Hold a line or a set of marks.
 
     Attributes:
         name: for the legend.
-        role: decides the colour.
-        shape: how it is drawn.
-        x, y: same length; None where there is nothing to draw.
-        texts: one per mark, shown beside the pointer; empty for a line.
-        t: time of each point, s, where x is none and one cursor goes over all figures; else empty.
+        role: sets the colour.
+        shape: drawing style.
+        x, y: equal length; None at a gap.
+        texts: tooltip of each mark; empty for a line.
+        t: time of each point, s, if x is not time and a cursor links the figures; else empty.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Guide:
-    """A vertical (an instant) or a horizontal line (a limit) with a word."""
+    """Hold a vertical (an instant) or a horizontal line (a limit) with a label."""
 
     at: float
     text: str
@@ -100,7 +100,7 @@ class Guide:
 
 @dataclass(frozen=True)
 class Axis:
-    """Name and unit of an axis; `span` fixes what is shown, None shows everything."""
+    """Hold name and unit of an axis; `span` fixes its range, None fits the data."""
 
     title: str
     unit: str
@@ -110,15 +110,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class Figure:
-    """A plot.
+    """Hold a plot.
 
     Attributes:
         x, y: axes.
         series: lines and marks, the first one at the back.
         instants: vertical lines.
         levels: horizontal lines.
-        finding: what it shows, in a sentence.
-        stretch: of a map: how much longer a unit of y is drawn than one of x; None: no map.
+        finding: conclusion, in a sentence.
+        stretch: of a map: ratio of drawn lengths of a unit of y and of x; None: no map.
     """
 
     x: Axis
@@ -132,16 +132,16 @@ class Figure:
 
 @dataclass(frozen=True)
 class Item:
-    """A table or a figure in its place.
+    """Hold a table or a figure with its headings.
 
     Attributes:
-        key: as in `table-4.1`.
+        key: such as `table-4.1`.
         kind: `table` or `figure`.
-        name: as the thesis calls it: `Table 4.1`.
-        title: what it is.
-        see: what to look at.
-        content: the numbers.
-        wide: a figure that takes the whole width.
+        name: as in the thesis: `Table 4.1`.
+        title: its subject.
+        see: hint for the reader.
+        content: the table or figure.
+        wide: a figure of full width.
     """
 
     key: str
@@ -155,7 +155,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Chapter:
-    """A chapter of the thesis."""
+    """Hold a chapter."""
 
     number: int
     title: str
@@ -164,7 +164,7 @@ class Chapter:
 
 
 def number(value: float, decimals: int, *, signed: bool = False) -> Cell:
-    """A number with thousands separators, rounded to what is shown; BLANK if it is nan."""
+    """Format a number with thousands separators; round its value alike; BLANK if nan."""
     if not math.isfinite(value):
         return Cell(BLANK)
     rounded = round(value, decimals) + 0.0
@@ -173,7 +173,7 @@ def number(value: float, decimals: int, *, signed: bool = False) -> Cell:
 
 
 def power(value: float, digits: int = 3, *, signed: bool = False) -> Cell:
-    """A small number with a power of ten; BLANK if it is nan."""
+    """Format a small number with a power of ten; BLANK if nan."""
     if not math.isfinite(value):
         return Cell(BLANK)
     mantissa, exponent = f"{value:{'+' if signed else ''}.{digits - 1}e}".split("e")
@@ -181,12 +181,12 @@ def power(value: float, digits: int = 3, *, signed: bool = False) -> Cell:
     return Cell(f"{mantissa} × 10{raised}".replace("-", MINUS), float(f"{value:.{digits - 1}e}"))
 
 
-#: Errors below it, in whatever unit, are those of rounding.
+#: Magnitude below which an error, in any unit, is due to rounding.
 _NOTHING = 1e-9
 
 
 def small(value: float) -> Cell:
-    """An error with two figures and its sign; a power of ten where zeros would fill the cell."""
+    """Format a signed error with two significant figures; as a power of ten if small or large."""
     if abs(value) < _NOTHING:
         return word("< 10⁻⁹")
     if not 1e-3 <= abs(value) < 1e3:
@@ -195,14 +195,14 @@ def small(value: float) -> Cell:
 
 
 def about(value: float) -> str:
-    """Two figures of a number, for a sentence."""
+    """Format a number with two significant figures, for a sentence."""
     if 0.0 < abs(value) < 1e-3:
         return power(value, 2).text
     return f"{float(f'{value:.2g}'):,g}"
 
 
 def word(text: str) -> Cell:
-    """A cell without a number."""
+    """Make a cell without a number."""
     return Cell(text)
 
 
@@ -214,14 +214,14 @@ def beside(
     of_thesis: int | None = None,
     note: str = "",
 ) -> Row:
-    """Thesis, here, difference.
+    """Make a row: thesis, here, difference.
 
     Args:
-        label: what it is, with its unit.
-        thesis: as printed; nan where nothing is printed.
+        label: quantity with its unit.
+        thesis: as printed; nan if not printed.
         here: our value.
         decimals: of our value and of the difference.
-        of_thesis: decimals as printed, where they are others.
+        of_thesis: decimals as printed, if different.
         note: a sentence.
     """
     printed = number(thesis, decimals if of_thesis is None else of_thesis)
@@ -246,17 +246,17 @@ def line(
     log: bool = False,
     t: ArrayLike | None = None,
 ) -> Series:
-    """A line, thinned to what can be seen.
+    """Make a line, thinned to visible detail.
 
     Args:
         name: for the legend.
-        role: decides the colour.
-        x: shape (n,), rising where there is no t.
-        y: shape (n,); nan where there is nothing to draw.
+        role: sets the colour.
+        x: shape (n,), increasing unless t is given.
+        y: shape (n,); nan at a gap.
         digits: decimals of y that are kept.
-        shape: how it is drawn.
-        log: seen on a logarithmic axis, on which there is no 0.
-        t: time of each point, shape (n,), s, where x is none.
+        shape: drawing style.
+        log: for a logarithmic axis, which has no 0.
+        t: time of each point, shape (n,), s, if x is not time.
     """
     xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if t is not None:
@@ -271,7 +271,7 @@ def line(
 
 
 def marks(name: str, role: Role, points: Sequence[tuple[float, float, str]]) -> Series:
-    """Printed points: x, y and a text each."""
+    """Make marks: x, y and a text each."""
     return Series(
         name,
         role,
@@ -286,14 +286,14 @@ def _numbers(values: Any, digits: int) -> tuple[float | None, ...]:
     return tuple(round(float(v), digits) + 0.0 if math.isfinite(v) else None for v in values)
 
 
-#: A point is left out where the line without it is nearer than this share of its height.
+#: Distance to the thinned line, as a fraction of its height, below which a point is left out.
 _FLAT = 5e-4
-#: So many points stay in any case, evenly spread: the pointer needs something to hold.
+#: Number of evenly spread points that are always kept, for the pointer.
 _POINTS = 150
 
 
 def thin(x: Any, y: Any) -> Any:
-    """Indices of the points that a line needs (Ramer, Douglas, Peucker), ends and gaps kept.
+    """Return the indices of the points a line needs (Ramer, Douglas, Peucker), with ends and gaps.
 
     Args:
         x: shape (n,).

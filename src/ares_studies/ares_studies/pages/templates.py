@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Templates of pages: one HTML file with everything in it."""
+"""Render templates to one self-contained HTML file."""
 
 import base64
 import gzip
@@ -11,7 +11,7 @@ import plotly as plotly_package
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-#: Names of colours; each pair is legible on `panel` and on `ground`.
+#: Colours by name and theme; each is legible on `panel` and on `ground`.
 PALETTES = {
     "light": {
         "ground": "#f6f7f8",
@@ -48,14 +48,14 @@ _INDEX = re.compile(r"(?<![A-Za-z_])([A-Za-zΑ-ωΔ]{1,2})_([A-Za-z]+\d?|\d+)")
 
 
 def chosen_name(text: str) -> Markup:
-    """Return a name that somebody has chosen as it is: f_igm has no index."""
+    """Mark a user's name to be shown literally: f_igm has no index."""
     return escape(text)
 
 
 def prose(text: str) -> Markup:
-    """Text with its marks: ``t_PLF`` gets an index, ``[E3]`` becomes a link to the erratum.
+    """Format text: ``t_PLF`` gets an index, ``[E3]`` becomes a link to the erratum.
 
-    Markup stays as it is, such as of `chosen_name`.
+    Markup, such as of `chosen_name`, is left unchanged.
     """
     if isinstance(text, Markup):
         return text
@@ -70,10 +70,10 @@ def _links(match: re.Match[str]) -> str:
 
 
 def make_environment(*packages: str) -> Environment:
-    """Templates of this package and of others, with the marks of prose.
+    """Load the templates of this package and of others, with the filters of prose.
 
     Args:
-        packages: where the page's own templates lie.
+        packages: with templates of the page.
     """
     loaders = [PackageLoader(name, "") for name in (__package__, *packages)]
     environment = Environment(
@@ -87,22 +87,22 @@ def make_environment(*packages: str) -> Environment:
 
 
 def one_line(data: object) -> str:
-    """JSON for a script: in one line, without nan and infinity.
+    """Write JSON for a script: on one line, without nan and infinity.
 
     Raises:
-        ValueError: there is one of these.
+        ValueError: the data contain one of these.
     """
     return json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
 
 
 def render_report(environment: Environment, report: object, data: str, **shown: object) -> str:
-    """A page with everything in it.
+    """Render a report as one self-contained page.
 
     Args:
-        environment: whose template `report.html` it is.
-        report: what the template says.
-        data: what the scripts draw from, as JSON.
-        shown: what the template takes besides.
+        environment: with the template `report.html`.
+        report: shown by the template.
+        data: JSON for the scripts.
+        shown: further variables of the template.
     """
     template = environment.get_template("report.html")
     return template.render(
@@ -111,18 +111,18 @@ def render_report(environment: Environment, report: object, data: str, **shown: 
 
 
 def embedded(data: str) -> Markup:
-    """JSON as the content of a script element."""
+    """Escape JSON for a script element."""
     return Markup(data.replace("</", "<\\/"))
 
 
-#: The highest level takes half as long again, for two thousandths of the size.
+#: Compression level; the highest takes half as long again and saves 0.2 % of the size.
 _LEVEL = 6
 
 
 def plotly() -> Markup:
-    """The library that draws, for a page: compressed, for `page.js` to unpack.
+    """Return the plotting library, compressed, for `page.js` to unpack.
 
-    Its file is read as it is: what of its package would hand it out is slow to import.
+    The file is read directly, since importing its package is slow.
     """
     script = files(plotly_package).joinpath("package_data", "plotly.min.js")
     packed = gzip.compress(script.read_bytes(), _LEVEL, mtime=0)

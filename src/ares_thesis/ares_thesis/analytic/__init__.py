@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chapter 5 of the thesis."""
+"""Solve ascents by chapter 5 of the thesis."""

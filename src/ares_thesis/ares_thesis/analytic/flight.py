@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights in their plane, as chapters 5 and 6 of the thesis draw them, and polynomials fitted."""
+"""Convert flights to their plane, as in chapters 5 and 6 of the thesis, and fit polynomials."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _SAME_TIME = 1e-6
 
 @dataclass(frozen=True)
 class PlanarFlight:
-    """A flight in its plane, sampled; staging and jettison stand twice.
+    """Hold the samples of a planar flight; staging and jettison have two samples.
 
     Attributes:
         time_s: shape (n,), mission elapsed time.
@@ -39,21 +39,21 @@ class PlanarFlight:
 
     @property
     def alpha(self) -> Array:
-        """Steering angle theta - gamma, rad: Eq. 5.2."""
+        """Return the steering angle theta - gamma, rad: Eq. 5.2."""
         return self.theta - self.flight_path_angle
 
     @property
     def sin_gamma(self) -> Array:
-        """Fig. 5.3."""
+        """Return sin(gamma), Fig. 5.3."""
         return np.sin(self.flight_path_angle)
 
     @property
     def cos_alpha(self) -> Array:
-        """Fig. 5.4."""
+        """Return cos(alpha), Fig. 5.4."""
         return np.cos(self.alpha)
 
     def between(self, start_s: float, end_s: float) -> "PlanarFlight":
-        """The samples from one time to another; at both ends the inner side of an event."""
+        """Return the samples between two times; at events the inner side."""
         inside = np.flatnonzero(
             (self.time_s >= start_s - _SAME_TIME) & (self.time_s <= end_s + _SAME_TIME)
         )
@@ -72,7 +72,7 @@ class PlanarFlight:
 
 
 def planar_flight(solution: Solution) -> PlanarFlight:
-    """What a solution's flight is in the plane of its position and velocity.
+    """Convert the flight of a solution to the plane of its position and velocity.
 
     Raises:
         OptimizerError: the solution has no trajectory.
@@ -101,13 +101,13 @@ def planar_flight(solution: Solution) -> PlanarFlight:
 
 @dataclass(frozen=True)
 class KeyFigures:
-    """What chapter 6 compares (Tables 6.1 to 6.4).
+    """Hold the figures that chapter 6 compares (Tables 6.1 to 6.4).
 
     Attributes:
         staging_to_jettison_s, jettison_to_cutoff_s: times to go of both parts.
         theta_0_deg, theta_plf_deg, theta_f_deg: thrust above the local horizon at the start,
             just before the jettison, at cut-off.
-        gamma_staging_deg: flight-path angle there.
+        gamma_staging_deg: flight-path angle at staging.
     """
 
     staging_to_jettison_s: float
@@ -119,7 +119,7 @@ class KeyFigures:
 
 
 def key_figures(flight: PlanarFlight, staging_s: float, jettison_s: float) -> KeyFigures:
-    """Those of a whole flight.
+    """Return the key figures of a whole flight.
 
     Args:
         flight: from the start of the first stage on.
@@ -139,24 +139,24 @@ def key_figures(flight: PlanarFlight, staging_s: float, jettison_s: float) -> Ke
 
 @dataclass(frozen=True)
 class Fit:
-    """A polynomial through a sampled curve, by least squares.
+    """Hold a least-squares polynomial of a sampled curve.
 
     Attributes:
-        coefficients: lowest power first, of time in s after the piece's start.
-        worst: greatest distance from the samples, in their unit.
+        coefficients: lowest power first, of time in s after the start of the piece.
+        worst: largest deviation from the samples, in their unit.
     """
 
     coefficients: tuple[float, ...]
     worst: float
 
     def at(self, time: Array) -> Array:
-        """The polynomial at times in s after the piece's start."""
+        """Evaluate the polynomial at times in s after the start of the piece."""
         return np.polynomial.polynomial.polyval(time, np.array(self.coefficients))
 
 
 @dataclass(frozen=True)
 class FittedPiece:
-    """The polynomials of one burn, fitted: what the "direct curve fit" of Fig. 6.1 is.
+    """Hold the polynomials fitted to one burn, the "direct curve fit" of Fig. 6.1.
 
     Attributes:
         start_s, end_s: mission elapsed time.
@@ -175,10 +175,10 @@ class FittedPiece:
 def fit_flight(
     flight: PlanarFlight, staging_s: float, jettison_s: float
 ) -> tuple[FittedPiece, ...]:
-    """The thesis' polynomials fitted to a flight: quadratic, linear, quadratic.
+    """Fit the polynomials of the thesis to a flight: quadratic, linear, quadratic.
 
     Args:
-        flight: of an optimum, say.
+        flight: for example of an optimum.
         staging_s, jettison_s: mission elapsed time.
 
     Returns:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the analytic method is asked to work: chapter 5 as printed, or improved."""
+"""Define the options of the analytic method: chapter 5 as printed, or improved."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -25,7 +25,7 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True)
 class ThesisGuess:
-    """Table 6.1 of the thesis, and the angle that it assumes at the start."""
+    """Hold the guess of Table 6.1 of the thesis, with the angle assumed at the start."""
 
     theta_0_deg: float = 27.0
     theta_plf_deg: float = 17.0
@@ -35,18 +35,18 @@ class ThesisGuess:
 
 @dataclass(frozen=True)
 class Profile:
-    """How the polynomials are tied to the motion.
+    """Select the polynomials and the conditions that determine them.
 
     Attributes:
         sine: ``printed``: sin(gamma) quadratic, linear, quadratic (5.8, 5.9); ``cubic``: with
-            the slope of 5.6 at both ends of every burn; ``fitted``: the cubic, bent to its
-            values at three nodes between, cos(alpha) through the five.
+            the slope of 5.6 at both ends of every burn; ``fitted``: the cubic plus a correction
+            at three nodes between, cos(alpha) through all five.
         steering: ``local``: tan(theta) linear against the local horizon (5.16);
-            ``inertial``: against the horizon of the part's start; ``primer``: with the
-            curvature that gravity's gradient gives the primer vector.
-        solved: gamma follows from the motion, both steering angles are iterated. Otherwise, as
-            printed, theta at the start is assumed and gamma at staging is an unknown.
-        mean_gravity: gravity of a burn from the radii at both its ends, not from its start.
+            ``inertial``: against the horizon at the start of the part; ``primer``: with the
+            curvature of the primer vector by the gravity gradient.
+        solved: true: gamma follows from the motion, and both steering angles are iterated; false,
+            as printed: theta at the start is assumed, and gamma at staging is an unknown.
+        mean_gravity: gravity of a burn from the radii at both ends, not at its start.
     """
 
     sine: Literal["printed", "cubic", "fitted"]
@@ -72,17 +72,17 @@ PROFILES = {
 
 @dataclass(frozen=True)
 class AnalyticOptions:
-    """How the analytic solution is made.
+    """Select the options of the analytic method.
 
     Attributes:
-        profile: ``thesis``, ``improved`` or a :class:`Profile` of one's own.
+        profile: ``thesis``, ``improved`` or another :class:`Profile`.
         position_integral: ``exact``; ``trapezoid``; ``quadratic``, the quadratic speed of 5.25.
         steps: N1 and N2 of the trapezoid: before staging and after the jettison; between.
-        jettison_target: ``mission``: found here, on the shortest projected flight that meets
-            the heating limit; ``optimizer``: radius, speed and flight-path angle of the
-            optimum at its jettison, as the thesis has it.
+        jettison_target: ``mission``: the state at the jettison of the shortest projected flight
+            within the heating limit; ``optimizer``: radius, speed and flight-path angle of the
+            optimum at its jettison, as in the thesis.
         step_scale: alpha_s of Eq. 5.31.
-        guess: where a profile that is not ``solved`` starts.
+        guess: first guess of a profile that is not ``solved``.
     """
 
     profile: str | Profile = "improved"
@@ -109,5 +109,5 @@ class AnalyticOptions:
 
     @property
     def ties(self) -> Profile:
-        """The profile itself."""
+        """Return the profile as an object."""
         return self.profile if isinstance(self.profile, Profile) else PROFILES[self.profile]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two parts of the analytic method: records, guesses, iteration. See `analytic.py`."""
+"""Build and iterate the two parts of the analytic method, see `analytic/solve.py`."""
 
 import math
 from dataclasses import dataclass
@@ -35,11 +35,11 @@ _SAME_TIME = 1e-6
 
 @dataclass(frozen=True)
 class JettisonTarget:
-    """The state that part one aims at.
+    """Hold the target state of part one.
 
     Attributes:
         source: ``mission`` or ``optimizer``.
-        time_s: when that flight is there, mission elapsed time; part one finds its own time.
+        time_s: mission elapsed time of the source flight; part one finds its own time.
         radius_m, speed_m_s, flight_path_angle_deg: the target.
     """
 
@@ -52,15 +52,15 @@ class JettisonTarget:
 
 @dataclass(frozen=True)
 class Ascent:
-    """A mission as this method sees it: two burns and a jettison, in a plane.
+    """Hold a mission of two burns and a jettison, in its plane.
 
     Attributes:
         arrays: the mission.
         state: shape (1,), dtype NAVIGATION.
-        staging_s: end of the first burn; the start, if that is over.
-        plane: that of the start.
+        staging_s: end of the first burn; the start, if after it.
+        plane: plane of the start.
         radius, speed, gamma: at the start, m, m/s, rad.
-        tau_s: mass over mass flow when each burn begins; nan for one that is over.
+        tau_s: mass over mass flow at the begin of each burn; nan for a burn in the past.
     """
 
     arrays: MissionArrays
@@ -74,26 +74,26 @@ class Ascent:
 
     @property
     def start_s(self) -> float:
-        """Mission elapsed time of the start."""
+        """Return the start, s, mission elapsed time."""
         return float(self.state[0]["time"])
 
     @property
     def first_arc(self) -> int:
-        """0 before staging, 1 after it."""
+        """Return 0 before staging, 1 after it."""
         return int(self.state[0]["arc"])
 
     @property
     def jettisoned(self) -> bool:
-        """Whether the jettison is done."""
+        """Return true if the jettison is done."""
         return bool(int(self.state[0]["jettisoned"]) & 1)
 
     @property
     def drop_s(self) -> float:
-        """Mass of what is dropped over the mass flow of the second stage, s."""
+        """Return the dropped mass over the mass flow of the second stage, s."""
         return float(self.arrays.jettisons[0]["mass"] / self.arrays.arcs[1]["mass_flow"])
 
     def heating(self) -> target_search.Heating:
-        """The heating limit for kernels."""
+        """Return the heating limit for the kernels."""
         return target_search.Heating(
             self.arrays.environment,
             self.arrays.atmosphere,
@@ -111,7 +111,7 @@ def _refuse(found: str) -> UnfitMethod:
 
 
 def _check_kind(arrays: MissionArrays) -> None:
-    """Refuse what chapter 5 has no solution for."""
+    """Refuse missions to which chapter 5 does not apply."""
     arcs = arrays.arcs
     stages = [int(stage) for stage in arcs["stage"]]
     if stages != [0, 1] or np.any(arcs["kind"] != BURN):
@@ -135,10 +135,10 @@ def _check_kind(arrays: MissionArrays) -> None:
 
 
 def read_ascent(arrays: MissionArrays, state: NDArray[np.void]) -> Ascent:
-    """A mission and a start as this method takes them.
+    """Check a mission and a start, and convert them for this method.
 
     Raises:
-        OptimizerError: the method has no solution for it; one line.
+        OptimizerError: the method does not apply; one line.
     """
     _check_kind(arrays)
     row = state[0]
@@ -175,7 +175,7 @@ def read_ascent(arrays: MissionArrays, state: NDArray[np.void]) -> Ascent:
 
 
 def _burns(ascent: Ascent, options: AnalyticOptions, which: str) -> NDArray[np.void]:
-    """Records of the burns of part ``one`` or ``two``, or of the ``whole`` ascent as one part."""
+    """Return the burns of part ``one`` or ``two``, or of the ``whole`` ascent as one part."""
     arcs = ascent.arrays.arcs
     indices = [1] if which == "two" else list(range(ascent.first_arc, 2))
     burns = np.zeros(len(indices), kernels.BURN)
@@ -198,7 +198,7 @@ def _part(
     start: tuple[float, float, float],
     target: tuple[float, float, float],
 ) -> NDArray[np.void]:
-    """Record of a part from one (radius m, speed m/s, gamma rad) to another; no guess yet."""
+    """Return the record of a part between two states (radius m, speed m/s, gamma rad), no guess."""
     part = np.zeros(1, kernels.PART)
     ties = options.ties
     part["mu"] = ascent.arrays.environment[0]["mu"]
@@ -227,10 +227,10 @@ def _cutoff_target(arrays: MissionArrays) -> tuple[float, float, float]:
 
 
 class NoSolution(Exception):
-    """Why there is none.
+    """Signal that a part has no solution.
 
     Attributes:
-        cause: in one line.
+        cause: status and one line.
     """
 
     def __init__(self, cause: Cause) -> None:
@@ -239,7 +239,7 @@ class NoSolution(Exception):
 
 
 def target_of_mission(ascent: Ascent) -> tuple[JettisonTarget, int]:
-    """Search for the jettison on the shortest projected flight, whatever the options."""
+    """Find the jettison on the shortest projected flight, by the default options."""
     options = AnalyticOptions()
     start = (ascent.radius, ascent.speed, ascent.gamma)
     goal = _cutoff_target(ascent.arrays)
@@ -278,7 +278,7 @@ def target_of_mission(ascent: Ascent) -> tuple[JettisonTarget, int]:
 
 
 def target_of_optimum(optimum: Solution) -> JettisonTarget:
-    """State of a solution at its jettison, just before it."""
+    """Return the state of a solution just before its jettison."""
     if not optimum.converged or optimum.trajectory is None:
         raise NoSolution(
             Cause(optimum.status, f"no jettison target from the optimizer: {optimum.reason}")
@@ -293,13 +293,13 @@ def target_of_optimum(optimum: Solution) -> JettisonTarget:
 
 @dataclass
 class Work:
-    """A part on its way through the iteration.
+    """Hold a part during the iteration.
 
     Attributes:
         part: shape (1,), dtype PART.
         burns: dtype BURN.
         start_s: mission elapsed time.
-        converged: whether the iteration has met its conditions.
+        converged: true if the iteration met its conditions.
     """
 
     part: NDArray[np.void]
@@ -309,11 +309,11 @@ class Work:
 
     @property
     def end_s(self) -> float:
-        """Mission elapsed time of the last burn's end."""
+        """Return the end of the last burn, s, mission elapsed time."""
         return self.start_s + float(self.burns["duration"].sum())
 
     def run(self, name: str, deadline: Deadline) -> None:
-        """Iterate from the guess; if solved and in vain, from one with a time of its own.
+        """Iterate from the guess; if ``solved`` and not converged, from a guess with a new time.
 
         Raises:
             NoSolution: it did not converge, or not in time.
@@ -334,11 +334,11 @@ class Work:
 
 
 def _errors(part: Any) -> str:
-    """By how much the latest projection of a part misses."""
+    """Describe the errors of the latest projection of a part."""
     if not math.isfinite(part["position_error"]):
         return (
             f"did not converge in {part['iterations']} iterations: with "
-            f"{part['time_to_go']:.1f} s to go no arc can be projected"
+            f"{part['time_to_go']:.1f} s to go no flight can be projected"
         )
     text = (
         f"did not converge in {part['iterations']} iterations: with {part['time_to_go']:.1f} s to "
@@ -351,7 +351,7 @@ def _errors(part: Any) -> str:
 
 
 def part_one(ascent: Ascent, options: AnalyticOptions, target: JettisonTarget) -> Work:
-    """Start to jettison, with its guess."""
+    """Build the part from start to jettison, with its guess."""
     burns = _burns(ascent, options, "one")
     goal = (target.radius_m, target.speed_m_s, math.radians(target.flight_path_angle_deg))
     part = _part(ascent, options, burns, (ascent.radius, ascent.speed, ascent.gamma), goal)
@@ -362,7 +362,7 @@ def part_one(ascent: Ascent, options: AnalyticOptions, target: JettisonTarget) -
             raise NoSolution(
                 Cause(
                     Status.INFEASIBLE,
-                    "part one: the jettison falls on staging, which profile thesis has not",
+                    "part one: the jettison falls on staging; profile thesis needs it later",
                 )
             )
         row["timed"] = 1
@@ -386,7 +386,7 @@ def part_two(
     start_s: float,
     tau_s: float,
 ) -> Work:
-    """Jettison (or a start after it) to cut-off, with its guess: 5.29 for the time to go."""
+    """Build the part from jettison (or a later start) to cut-off, with its guess (5.29)."""
     burns = _burns(ascent, options, "two")
     burns[0]["tau"] = tau_s
     part = _part(ascent, options, burns, start, _cutoff_target(ascent.arrays))

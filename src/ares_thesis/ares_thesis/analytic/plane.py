@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which plane the thrust of an analytic solution lies in."""
+"""Choose the plane of thrust of an analytic solution."""
 
 import math
 
@@ -13,11 +13,11 @@ from ares_thesis.analytic.kernels.plane import Plane, place
 Array = NDArray[np.float64]
 
 _TILT_STEP = 0.01  # rad
-_TILTS = 60  # to either side
+_TILTS = 60  # steps to either side
 
 
 def tilted_plane(r: Array, v: Array, mu: float, tilt: float = 0.0) -> Plane:
-    """The plane of a position and a velocity, turned about the position.
+    """Return the plane of a position and a velocity, rotated about the position.
 
     Args:
         r: m, shape (3,).
@@ -51,17 +51,17 @@ def plane_to_target(
     end: tuple[float, float, float, float],
     time: float,
 ) -> Plane:
-    """The least tilted plane in which a planar flight ends with the target's inclination.
+    """Return the least tilted plane in which a planar flight reaches the target's plane.
 
-    With a node in the target, the one that ends in the target's plane. If there is none, the
-    one that comes nearest.
+    Without a node in the target only the inclination counts. If no plane reaches it, return the
+    nearest.
 
     Args:
         r: m, shape (3,).
         v: m/s, shape (3,).
         mu: m3/s2.
         target: record TARGET.
-        end: radius m, speed m/s, sin(gamma) and range angle rad at the flight's end.
+        end: radius m, speed m/s, sin(gamma) and range angle rad at the end of the flight.
         time: duration of the flight, s.
     """
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Analytic solutions: chapter 5 of the thesis, as printed and improved.
+"""Solve an ascent by chapter 5 of the thesis, as printed and improved.
 
-The ascent in its plane, cut at the jettison. Part one goes from the start to the jettison
-target, part two from there to cut-off. In each, sin(gamma) and cos(alpha) are polynomials of
-time, so that speed and radius are closed forms, and a few angles and a time to go are iterated
-until the target is met. An approximation to a few seconds or better, in well under a
-millisecond, and not an optimum.
+The ascent is planar and divided at the jettison: part one from the start to the jettison target,
+part two from there to cut-off. In each, sin(gamma) and cos(alpha) are polynomials of time, so speed
+and radius have closed forms; a few angles and the time to go are iterated until the target is met.
+The result is an approximation to a few seconds or better in less than a millisecond, not an
+optimum.
 """
 
 import math
@@ -63,21 +63,21 @@ APPROXIMATION = Cause(
 )
 
 _SAMPLE_PERIOD = 1.0  # s
-_SHORTEST = 1e-6  # s, of a burn worth an arc
+_SHORTEST = 1e-6  # s, least length of a burn that becomes an arc
 
 
 @dataclass(frozen=True)
 class AnalyticBurn:
-    """One burn in closed form.
+    """Hold one burn in closed form.
 
     Attributes:
         start_s, end_s: mission elapsed time.
-        sin_gamma: coefficients of Eqs. 5.8, 5.9 or of higher degree, lowest power first, of time
-            in s after the burn's start.
-        cos_alpha: the same of Eqs. 5.17, 5.18.
+        sin_gamma: coefficients of Eqs. 5.8, 5.9 or of higher degree, lowest power first, of the
+            time in s after the start of the burn.
+        cos_alpha: the same for Eqs. 5.17, 5.18.
         gravity_m_s2: constant over the burn.
         delta_v_m_s: integral of thrust acceleration, a scalar of Table 6.6.
-        end_radius_m, end_speed_m_s, end_flight_path_angle_deg: where it ends.
+        end_radius_m, end_speed_m_s, end_flight_path_angle_deg: state at the end.
     """
 
     start_s: float
@@ -93,13 +93,13 @@ class AnalyticBurn:
 
 @dataclass(frozen=True)
 class AnalyticPart:
-    """Start to jettison, or jettison to cut-off.
+    """Hold the part from start to jettison, or from jettison to cut-off.
 
     Attributes:
         converged: speed within 1e-4 m/s, radius within 1 m and, if solved for,
-            flight-path angle within 1e-6 rad of the part's target.
-        iterations: updates of the angles, the last look included.
-        searches: projections in search of the time to go (Eq. 5.30), over all iterations.
+            flight-path angle within 1e-6 rad of the target of the part.
+        iterations: updates of the angles, with the final check.
+        searches: projections in the search for the time to go (Eq. 5.30), of all iterations.
         start_s: mission elapsed time.
         time_to_go_s: duration of the last burn.
         theta_start_deg, theta_end_deg: thrust above the local horizon.
@@ -126,17 +126,17 @@ class AnalyticPart:
 
 @dataclass(frozen=True)
 class AnalyticSolution:
-    """What the analytic method finds.
+    """Hold the result of the analytic method.
 
     Attributes:
-        options: as asked.
-        jettison: target of part one; None after the jettison, or when none was found.
-        part_one: None after the jettison, for a jettison at once, or when it was not begun.
-        part_two: None when it was not begun.
-        projected_flights: flights computed on the way to a jettison target of the mission.
-        flight: in its plane; None unless both parts converged.
-        solution: as every method's; its trajectory is the closed form, its verification the
-            flight of its steering.
+        options: the options used.
+        jettison: target of part one; None after the jettison, or if none was found.
+        part_one: None after the jettison, for a jettison at the start, or if not reached.
+        part_two: None if not reached.
+        projected_flights: flights computed in the search for the jettison target.
+        flight: the planar flight; None unless both parts converged.
+        solution: as of every method; its trajectory is the closed form, its verification a flight
+            with its steering.
     """
 
     options: AnalyticOptions
@@ -149,12 +149,12 @@ class AnalyticSolution:
 
     @property
     def delta_v_m_s(self) -> tuple[float, ...]:
-        """Scalar delta-V of each burn, Table 6.6."""
+        """Return the scalar delta-V of each burn, m/s (Table 6.6)."""
         parts = (part for part in (self.part_one, self.part_two) if part is not None)
         return tuple(burn.delta_v_m_s for part in parts for burn in part.burns)
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the samples, ready for ``json.dumps``: what is unknown is None."""
+        """Return the results without samples, for ``json.dumps``; unknown is None."""
         return {
             "profile": _plain(self.options.profile),
             "position_integral": self.options.position_integral,
@@ -164,13 +164,13 @@ class AnalyticSolution:
             "part_one": _plain(self.part_one),
             "part_two": _plain(self.part_two),
             **self.solution.to_json(),
-            # per burn, as Table 6.6 has it
+            # per burn, as in Table 6.6
             "delta_v_m_s": list(self.delta_v_m_s),
         }
 
 
 def _plain(value: Any) -> Any:
-    """A dataclass as JSON can carry it."""
+    """Convert a dataclass to values that JSON can hold."""
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
     if isinstance(value, dict):
@@ -184,11 +184,11 @@ def _plain(value: Any) -> Any:
 
 @dataclass
 class _Found:
-    """An ascent as far as it was found.
+    """Hold the parts of an ascent found so far.
 
     Attributes:
-        target: of part one.
-        flights: projected on the way to it.
+        target: target of part one.
+        flights: number of flights projected to find it.
         one, two: the parts.
     """
 
@@ -199,7 +199,7 @@ class _Found:
 
     @property
     def works(self) -> tuple[Work, ...]:
-        """The parts that were begun."""
+        """Return the parts that were reached."""
         return tuple(work for work in (self.one, self.two) if work is not None)
 
 
@@ -212,20 +212,20 @@ def solve_analytic(
     verify: bool = True,
     deadline: Deadline | None = None,
 ) -> AnalyticSolution:
-    """The ascent by chapter 5 of the thesis.
+    """Solve the ascent by chapter 5 of the thesis.
 
     Args:
         mission: two stages of one burn each, one jettison by a heating limit in the second.
-        options: how; None: the defaults.
-        state: where the flight is, shape (1,), dtype NAVIGATION; None: the mission's start.
-        optimum: where ``jettison_target`` ``optimizer`` takes its target from; None: solved for
-            here, by ``direct11``.
+        options: None: the defaults.
+        state: start, shape (1,), dtype NAVIGATION; None: that of the mission.
+        optimum: solution that gives the target of ``jettison_target`` ``optimizer``; None: solved
+            by ``direct11``.
         verify: fly the steering with the independent integrator and fill ``verification`` and
             ``constraints`` of the solution.
-        deadline: at which the iteration ends; None: no limit.
+        deadline: time limit; None: no limit.
 
     Raises:
-        OptimizerError: a mission or a state that the method has no solution for, one line.
+        OptimizerError: the method does not apply to the mission or the state; one line.
     """
     options = options or AnalyticOptions()
     if isinstance(mission, Mission) and mission.heating_limit_holds != "at_jettison":
@@ -278,10 +278,10 @@ def _search(
     found: _Found,
     deadline: Deadline,
 ) -> None:
-    """Jettison target, part one, part two.
+    """Find jettison target, part one and part two.
 
     Raises:
-        NoSolution: the reason.
+        NoSolution: a part has no solution; with its cause.
     """
     start = (ascent.radius, ascent.speed, ascent.gamma)
     begin = ascent.start_s
@@ -357,7 +357,7 @@ def _report_burn(part_start_s: float, burn: np.void) -> AnalyticBurn:
 
 
 def _of_time(coefficients: Array, duration: float) -> tuple[float, ...]:
-    """Powers of t/T as powers of t, trailing zeros left out."""
+    """Convert powers of t/T to powers of t, without trailing zeros."""
     kept = np.trim_zeros(coefficients, "b")
     if duration == 0.0 or not len(kept):
         return (float(coefficients[0]),)
@@ -366,14 +366,14 @@ def _of_time(coefficients: Array, duration: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A burn with its place in the flight.
+    """Hold a burn with its place in the flight.
 
     Attributes:
         work: its part.
-        index: which burn of it.
+        index: index of the burn in the part.
         start_s: mission elapsed time.
-        turned: range angle from the flight's start to the part's, rad.
-        mass: at its start, kg.
+        turned: range angle from the start of the flight to that of the part, rad.
+        mass: at the start of the burn, kg.
         arc: record ARC.
     """
 
@@ -386,25 +386,25 @@ class _Piece:
 
     @property
     def burn(self) -> np.void:
-        """Its record."""
+        """Return the record of the burn."""
         return self.work.burns[self.index]
 
     @property
     def duration(self) -> float:
-        """In s."""
+        """Return the duration, s."""
         return float(self.burn["duration"])
 
     @property
     def end_s(self) -> float:
-        """Mission elapsed time."""
+        """Return the end, s, mission elapsed time."""
         return self.start_s + self.duration
 
     def mass_at(self, x: Array) -> Array:
-        """Mass at fractions of the burn, kg."""
+        """Return the mass at fractions of the burn, kg."""
         return self.mass - float(self.arc["mass_flow"]) * self.duration * x
 
     def samples(self, x: Array) -> Array:
-        """Shape (n, 6), see `sample_burn`; range angles from the flight's start."""
+        """Return samples, shape (n, 6), see `sample_burn`; range angles from the start."""
         out = np.empty((len(x), 6))
         sample_burn(self.work.part[0], self.burn, x, out)
         out[:, 3] += self.turned
@@ -412,7 +412,7 @@ class _Piece:
 
 
 def _pieces(ascent: Ascent, found: _Found) -> list[_Piece]:
-    """The burns in order, with their masses; one of no length is left out."""
+    """Return the burns in order, with their masses; burns of no length are left out."""
     arcs = ascent.arrays.arcs
     drop = 0.0 if ascent.jettisoned else float(ascent.arrays.jettisons[0]["mass"])
     mass = float(ascent.state[0]["mass"])
@@ -436,7 +436,7 @@ def _pieces(ascent: Ascent, found: _Found) -> list[_Piece]:
 
 
 def _plane(ascent: Ascent, pieces: Sequence[_Piece]) -> Plane:
-    """Where the planar flight lies in space."""
+    """Return the plane of the flight in space."""
     last = pieces[-1]
     radius, speed, sine, range_angle = last.samples(np.ones(1))[0, :4].tolist()
     state = ascent.state[0]
@@ -451,7 +451,7 @@ def _plane(ascent: Ascent, pieces: Sequence[_Piece]) -> Plane:
 
 
 def _in_space(ascent: Ascent, plane: Plane, time_s: Array, samples: Array) -> Track:
-    """Planar samples, shape (n, 6), in space."""
+    """Convert planar samples, shape (n, 6), to a track in space."""
     position, velocity, direction = (np.empty((len(samples), 3)) for _ in range(3))
     track = Track(position, velocity, direction, np.empty(len(samples)))
     place_samples(samples, time_s - ascent.start_s, plane, ascent.arrays, track)
@@ -461,7 +461,7 @@ def _in_space(ascent: Ascent, plane: Plane, time_s: Array, samples: Array) -> Tr
 def _sampled(
     ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]
 ) -> tuple[PlanarFlight, Trajectory]:
-    """The closed forms every second and at the ends of the burns, in the plane and in space."""
+    """Sample the closed forms every second and at the ends of burns, planar and in space."""
     grids = [
         np.linspace(0.0, 1.0, max(2, math.ceil(piece.duration / _SAMPLE_PERIOD) + 1))
         for piece in pieces
@@ -481,13 +481,13 @@ def _sampled(
 
 
 def _steering_arc(ascent: Ascent, plane: Plane, piece: _Piece) -> SteeringArc:
-    """Linear law through the directions at start, middle and end of a burn."""
+    """Return the linear law through the directions at start, middle and end of a burn."""
     x = np.array([0.0, 0.5, 1.0])
     times = piece.start_s + piece.duration * x
     start, middle, end = _in_space(ascent, plane, times, piece.samples(x)).direction
     left = float(np.linalg.norm(np.cross(start, middle)))
     right = float(np.linalg.norm(np.cross(middle, end)))
-    # start + size end has to point along the middle
+    # start + size * end is parallel to the middle direction
     size = left / right if min(left, right) > 0.0 else 1.0
     masses = piece.mass_at(x)
     return SteeringArc(
@@ -503,12 +503,12 @@ def _steering_arc(ascent: Ascent, plane: Plane, piece: _Piece) -> SteeringArc:
 
 
 def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solution:
-    """Times, masses and steering; no trajectory and no counts yet."""
+    """Build a solution with times, masses and steering, without trajectory and counts."""
     arcs = tuple(_steering_arc(ascent, plane, piece) for piece in pieces)
     last = arcs[-1]
     lacking = _propellant_line(ascent, last.end_s)
     if not last.end_mass_kg > 0.0:
-        # the burns are of fixed length or flow, whatever there is to burn
+        # the closed form does not limit a burn to its propellant
         lacking = f"propellant: {last.end_mass_kg:,.0f} kg are left of the vehicle"
     cause = infeasible(lacking) or APPROXIMATION
     return Solution(
@@ -524,7 +524,7 @@ def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solutio
 
 
 def _propellant_line(ascent: Ascent, cutoff_s: float) -> str:
-    """A line when the last stage burns more than it has; empty otherwise."""
+    """Return a line if the last stage burns more than it has, else ""."""
     row = ascent.state[0]
     arrays = ascent.arrays
     used = float(arrays.arcs[1]["mass_flow"]) * (cutoff_s - ascent.staging_s)
@@ -537,7 +537,7 @@ def _propellant_line(ascent: Ascent, cutoff_s: float) -> str:
 
 
 def _verified(ascent: Ascent, solution: Solution, trajectory: Trajectory) -> Solution:
-    """The steering flown by the independent integrator: what the approximation is off by."""
+    """Fly the steering by the independent integrator; add the errors of the approximation."""
     arrays = ascent.arrays
     start = ascent.state[0]
     starts = [arc.start_s for arc in solution.arcs]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares optimize --method analytic` does and prints. No ROS."""
+"""Solve for `ares optimize --method analytic`. No ROS."""
 
 import json
 import math
@@ -30,7 +30,7 @@ from ares_thesis.analytic.flight import KeyFigures, key_figures, planar_flight
 from ares_thesis.analytic.options import JETTISON_TARGETS, AnalyticOptions
 from ares_thesis.analytic.solve import AnalyticSolution, solve_analytic
 
-#: Tables 6.2, 6.4, 6.5 and 6.6 of the thesis; it gives no jettison state and no theta_0 found.
+#: Tables 6.2, 6.4, 6.5 and 6.6 of the thesis; it gives neither the jettison state nor theta_0.
 THESIS_COLUMN: dict[str, float] = {
     "staging to jettison, s": 131.81,
     "gamma at staging, deg": 9.36,
@@ -56,20 +56,20 @@ def optimize_analytic(
     asked: Mapping[str, Any],
     time_limit_s: float,
 ) -> int:
-    """Solve with both jettison targets, print both beside the optimum.
+    """Solve with both jettison targets and print both beside the optimum.
 
     Args:
         mission_name: shipped name or path.
         as_json: one JSON object instead of the tables.
-        refused: options that were given and belong to other methods.
-        asked: what was given of `AnalyticOptions`, by its names.
-        time_limit_s: wall time of the iterations, and of the search for the optimum beside, s.
+        refused: options given that belong to other methods.
+        asked: options given of `AnalyticOptions`, by name.
+        time_limit_s: wall time of the iterations, and of the search for the optimum, s.
 
     Returns:
-        0 if the iteration converged, else 1; the reason is in what is printed.
+        0 if the iteration converged, else 1; the output has the reason.
 
     Raises:
-        CannotStart: bad mission or option, or a mission that the method does not take; one line.
+        CannotStart: bad mission or option, or the method cannot solve the mission; one line.
     """
     for name in refused:
         raise CannotStart(f"{name} does not go with --method analytic")
@@ -78,7 +78,7 @@ def optimize_analytic(
     try:
         options = AnalyticOptions(**asked)
         mission = load_mission(mission_name)
-        # refused before the optimum is sought; and the compiled functions are loaded
+        # loads the kernels, and refuses the mission before the search for the optimum
         solve_analytic(mission, verify=False)
         solve(load_mission(THESIS_MISSION))
         optimum = solve(mission, time_limit_s=time_limit_s)
@@ -118,7 +118,7 @@ def _json(
     found: Mapping[str, AnalyticSolution],
     optimum: Solution,
 ) -> dict[str, Any]:
-    """The published summary of every method, and everything of this one under `analytic`."""
+    """Return the JSON summary of every method, with this one's details under `analytic`."""
     figures = _figures_of_optimum(mission, optimum)
     return {
         **chosen.solution.to_json(),
@@ -165,7 +165,7 @@ def _print(
 def _comparison(
     mission: Mission, found: Mapping[str, AnalyticSolution], optimum: Solution
 ) -> Table:
-    """Both jettison targets beside the optimum and, for its mission, the thesis."""
+    """Tabulate both jettison targets beside the optimum and, for its mission, the thesis."""
     columns = {name: _column(one) for name, one in found.items()}
     columns["optimum"] = _optimum_column(mission, optimum)
     if mission.name == THESIS_MISSION:

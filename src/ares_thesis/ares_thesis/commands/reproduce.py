@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares reproduce` does and prints. No ROS."""
+"""Write the reproduction for `ares reproduce`. No ROS."""
 
 import tempfile
 from contextlib import suppress
@@ -22,7 +22,7 @@ def reproduce(out: Path) -> None:
     """Compute the thesis' tables and figures and write the page and the JSON file.
 
     Args:
-        out: folder of the two files; made if it is not there.
+        out: folder of the two files; made if missing.
 
     Raises:
         CannotStart: the folder cannot be used, or a result is missing; one line.
@@ -33,7 +33,7 @@ def reproduce(out: Path) -> None:
         _write(out)
     except BaseException:
         if made:
-            # what somebody else has put there stays
+            # fails, and is ignored, if the folder holds other files
             with suppress(OSError):
                 out.rmdir()
         raise
@@ -59,7 +59,7 @@ def _write(out: Path) -> None:
 
 
 def _check(out: Path) -> None:
-    """Find out before the work whether the folder can be written."""
+    """Check, before the work, that the folder can be written."""
     if out.exists() and not out.is_dir():
         raise CannotStart(f"--out is {str(out)!r}, which is a file; expected a folder")
     try:

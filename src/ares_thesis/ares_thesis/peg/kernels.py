@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PEG as the thesis flew it: one target after the other (sections 5.3.4 and 6.4).
+"""PEG as flown in the thesis: one target after another (sections 5.3.4 and 6.4).
 
 Mode 1 steers from the start through staging, mode 2 from staging, both to the jettison with
 its full state: radius, speed, flight-path angle and plane. Mode 3 steers to the mission's
-target. Each mode begins anew, from the scalar delta-V along the velocity (Eq. 6.1), and makes
-one pass of predictor and corrector in a cycle. Until the mode has settled its passes are flown
-as they come: the thesis speaks of a transient of "the first ten passes" (Fig. 6.15).
+target. Each mode starts from the scalar delta-V along the velocity (Eq. 6.1) and makes one
+predictor-corrector pass per cycle. Passes are flown even before they converge: the thesis
+describes a transient of "the first ten passes" (Fig. 6.15).
 
-Not of the thesis: a mode 2 that settles far from where mode 1 was heading is not flown. Over
-so short an arc the full target has a second solution, which climbs for minutes.
+Beyond the thesis: mode 2 is rejected if it converges far from the solution of mode 1. Over so
+short an arc the full target has a second solution, which climbs for minutes.
 """
 
 import math
@@ -42,7 +42,7 @@ from ares_thesis.peg.arrays import LAW_PEG_THESIS, PLANE_FREE, PLANE_OF_MODE
 
 @kernel
 def mode_of(nav: Record, arcs: NDArray[Any], memory: Record) -> int:
-    """Mode of the present flight: 1, 2 or 3."""
+    """Return the present mode of the flight: 1, 2 or 3."""
     if nav.jettisoned & 1 == 1:
         return 3
     if arcs[nav.arc].stage > 0 and memory.split_at_staging == 1:
@@ -52,7 +52,7 @@ def mode_of(nav: Record, arcs: NDArray[Any], memory: Record) -> int:
 
 @inlined
 def mission_to_jettison(mission: MissionRecords, memory: Record) -> MissionRecords:
-    """The mission of modes 1 and 2: it ends at the jettison, which is its target."""
+    """Return the mission of modes 1 and 2, which ends at the jettison as its target."""
     return MissionRecords(
         mission.environment,
         mission.atmosphere,
@@ -63,16 +63,16 @@ def mission_to_jettison(mission: MissionRecords, memory: Record) -> MissionRecor
 
 
 @inlined
-def by_rules(onboard: Onboard, rules: Record) -> Onboard:
-    """What is on board, with the settings of a mode."""
+def with_settings(onboard: Onboard, rules: Record) -> Onboard:
+    """Return the state of guidance with the settings of a mode."""
     return Onboard(onboard.navigation, rules, onboard.state, onboard.steering)
 
 
 @kernel
 def hold_plane(nav: Record, memory: Record) -> None:
-    """Put the plane to hold into the jettison's target.
+    """Write the plane constraint into the jettison's target.
 
-    It is the plane of the present state, its node kept, brought to the target's inclination.
+    It has the ascending node of the present state and the inclination of the target.
 
     Args:
         nav: record NAVIGATION.
@@ -90,7 +90,7 @@ def hold_plane(nav: Record, memory: Record) -> None:
 
 @kernel
 def keep_fallback(onboard: Onboard, memory: Record) -> None:
-    """Remember the solution in force, with the jettison as its end."""
+    """Save the solution in force, with the jettison as its end."""
     state = onboard.state
     steering = onboard.steering
     good = state.phase == PHASE_TRACKING or state.phase == PHASE_HOLD
@@ -103,7 +103,7 @@ def keep_fallback(onboard: Onboard, memory: Record) -> None:
 
 @kernel
 def fly_fallback(onboard: Onboard, memory: Record) -> None:
-    """Hold the remembered solution to the jettison."""
+    """Hold the saved solution until the jettison."""
     state = onboard.state
     steering = onboard.steering
     steering.cutoff_time = memory.fallback_jettison_time
@@ -116,11 +116,11 @@ def fly_fallback(onboard: Onboard, memory: Record) -> None:
 
 @kernel
 def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Record) -> None:
-    """Start a mode: its target, and Eq. 6.1 for its first velocity-to-go.
+    """Start a mode: set its target, and its first velocity-to-go by Eq. 6.1.
 
     Args:
-        mission: of the mode; so the next.
-        onboard: what is on board. Changed.
+        mission: of the mode.
+        onboard: state of guidance with the settings of the mode. Changed.
         mode: 1, 2 or 3.
         memory: record THESIS_MEMORY. Changed.
     """
@@ -135,7 +135,7 @@ def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Rec
     state.time = nav.time
     store(state.sensed_delta_v, load(nav.sensed_delta_v))
     if memory.fallback == 1 and memory.jettison_time - nav.time <= onboard.settings.hold_time:
-        # so late that the mode would only hold
+        # too late for more than holding the steering
         memory.mode = mode
         fly_fallback(onboard, memory)
         return
@@ -155,7 +155,7 @@ def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Rec
 
 @kernel
 def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Record) -> None:
-    """One step of a mode, to the end of that mode.
+    """Step a mode towards its own target.
 
     Args: as in :func:`begin_mode`.
     """
@@ -167,7 +167,7 @@ def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Recor
     elif (
         state.phase == PHASE_CONVERGING and steering.cutoff_time - now <= onboard.settings.hold_time
     ):
-        # too late to settle
+        # too late to converge
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     before = state.cycle
@@ -180,18 +180,18 @@ def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Recor
         and is_finite(load(state.solution.direction_rate))
         and math.isfinite(state.solution.time_to_go)
     ):
-        # not settled yet, and flown all the same
+        # fly the pass although it has not converged
         accept(onboard)
         state.error = ERROR_NONE
         state.stale_cycles = 0
     if state.phase == PHASE_TRACKING and state.error == ERROR_NOT_CONVERGED:
-        # as after a change of engines: the passes count as unsettled again
+        # a change of engines can undo the convergence
         state.phase = PHASE_CONVERGING
 
 
 @kernel
 def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int, memory: Record) -> None:
-    """One step of mode 1 or 2; the "cut-off" on board is then turned into a jettison.
+    """Step mode 1 or 2 and command its "cut-off" as the jettison.
 
     Args: as in :func:`begin_mode`.
     """
@@ -213,21 +213,21 @@ def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int, memory
         steering.jettison = 0
         steering.jettison_time = memory.jettison_time
         if state.phase == PHASE_CONVERGING:
-            # what has not settled drops nothing
+            # no jettison before convergence
             steering.jettison_time = max(steering.jettison_time, nav.time + rules.hold_time)
         steering.cutoff_time = memory.jettison_time + memory.part_two
 
 
 @kernel
 def step_by_modes(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
-    """Answer one navigation state, mode by mode; without a plan, by the shared cycle.
+    """Answer one navigation state by modes, or without a plan by the shared cycle.
 
-    In modes 1 and 2 the cycle's "cut-off" is the jettison; that of the engine is expected
-    the length of the plan's part two later.
+    In modes 1 and 2 the cycle's "cut-off" is the jettison; the engine's cut-off is expected the
+    planned length of part two later.
 
     Args:
         mission: as guidance believes it; with a plan two stages and one jettison.
-        onboard: what is on board; settings are those of the shared cycle. Changed.
+        onboard: state of guidance with the settings of the shared cycle. Changed.
         memory: record THESIS_MEMORY. Changed.
     """
     nav = onboard.navigation
@@ -242,8 +242,8 @@ def step_by_modes(mission: MissionRecords, onboard: Onboard, memory: Record) -> 
         memory.fallback = 0
     mode = mode_of(nav, mission.arcs, memory)
     if mode == 3:
-        late = by_rules(onboard, memory.late_rules)
+        late = with_settings(onboard, memory.late_rules)
         fly_mode(aimed_by_plan(mission, state), late, mode, memory)
     else:
         early = mission_to_jettison(mission, memory)
-        fly_to_jettison(early, by_rules(onboard, memory.early_rules), mode, memory)
+        fly_to_jettison(early, with_settings(onboard, memory.early_rules), mode, memory)

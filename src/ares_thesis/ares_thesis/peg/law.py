@@ -32,13 +32,13 @@ PLANES = {"mode": PLANE_OF_MODE, "flight": PLANE_OF_FLIGHT, "free": PLANE_FREE}
 
 @dataclass(frozen=True)
 class Pins:
-    """What of the thesis' architecture holds; all of it by default.
+    """Select constraints of the thesis' architecture; all hold by default.
 
     Attributes:
-        plane: what modes 1 and 2 hold: ``mode``, the plane in which each of them begins (so
-            that node and inclination are pinned at staging and at the jettison); ``flight``,
-            that of the start; ``free``, the inclination alone.
-        split_at_staging: mode 2 begins at staging. False: mode 1 goes on.
+        plane: constraint of modes 1 and 2: ``mode``, the plane at the start of each mode (this
+            pins node and inclination at staging and at the jettison); ``flight``, the plane at
+            the start of the flight; ``free``, the inclination alone.
+        split_at_staging: mode 2 begins at staging. False: mode 1 lasts to the jettison.
     """
 
     plane: str = "mode"
@@ -55,9 +55,9 @@ class Pins:
 
 
 class ThesisPeg(Law):
-    """Modes 1, 2 and 3, each with a target of its own.
+    """Fly modes 1, 2 and 3, each to a target of its own.
 
-    It needs to know the jettison before it starts (`follow`); until then it is plain
+    The law needs the planned jettison before it starts (`follow`); without it, it is plain
     multi-stage PEG.
     """
 
@@ -72,11 +72,11 @@ class ThesisPeg(Law):
         Args:
             arrays: the mission as guidance believes it.
             settings: cycle and gates.
-            pins: what holds; default all.
+            pins: constraints that hold; default all.
 
         Raises:
-            ValueError: not two stages with one heating jettison in the second, nothing free but
-                the last burn, or a target without an inclination.
+            ValueError: free arcs before the last, throttled burns, other than two stages with one
+                heating jettison in the second, or a target without an inclination.
         """
         if leaves_arcs_free(arrays):
             raise ValueError(
@@ -117,7 +117,7 @@ class ThesisPeg(Law):
         """Fly the next flight to the jettison of a trajectory.
 
         Raises:
-            ValueError: it has none.
+            ValueError: the trajectory has none.
         """
         self._plan = trajectory.jettison_plan()
         if needs_plan(self._arrays):
@@ -126,7 +126,7 @@ class ThesisPeg(Law):
             self.reset()
 
     def _begin(self) -> None:
-        """Put the state of before a flight on board, with the plans."""
+        """Initialize the arrays of guidance for a flight, with both plans."""
         super()._begin()
         plan = self._plan
         if plan is None:
@@ -151,7 +151,7 @@ class ThesisPeg(Law):
 
 
 def _rules(settings: LawSettings) -> tuple[Any, Any]:
-    """Settings of modes 1 and 2, and of mode 3, records GUIDANCE_SETTINGS."""
+    """Return the settings of modes 1 and 2 and those of mode 3, records GUIDANCE_SETTINGS."""
     rules = np.repeat(settings.record(), 2)
     rules["max_iterations"] = settings.passes_per_cycle
     rules["velocity_to_go_tolerance"] = settings.settled_below_m_s

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thesis beside our own results: tables, figures, errata, as one page and one JSON file."""
+"""The thesis beside our results: tables, figures, errata, as one page and one JSON file."""

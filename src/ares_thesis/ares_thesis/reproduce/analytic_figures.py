@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the analytic solutions: 5.3, 5.4 and 6.1 to 6.6."""
+"""Draw the figures of the analytic solutions: 5.3, 5.4 and 6.1 to 6.6."""
 
 import math
 from collections.abc import Callable
@@ -20,13 +20,13 @@ from ares_studies.pages.parts import (
 )
 from ares_thesis.analytic.flight import PlanarFlight
 from ares_thesis.reproduce import printed
-from ares_thesis.reproduce.analytic_tables import Walk, analytic_walk, optimum_walk
+from ares_thesis.reproduce.analytic_tables import PlanarAscent, analytic_ascent, optimum_ascent
 from ares_thesis.reproduce.figures import TIME, angle_marks, instants
 from ares_thesis.reproduce.sources import Sources
 
 
 def _fitted(column: str, title: str, s: Sources) -> Figure:
-    """Figures 5.3 and 5.4: an angle of the optimum and the polynomials that chapter 5 takes."""
+    """Draw figures 5.3 and 5.4: an angle of the optimum and the polynomials of chapter 5."""
     flight = s.planar_optimum
     worst = [getattr(piece, column).worst for piece in s.fits]
     return Figure(
@@ -44,7 +44,7 @@ def _fitted(column: str, title: str, s: Sources) -> Figure:
 
 
 def _fit(s: Sources, column: str, pieces: int, scale: float, name: str) -> Series:
-    """The first pieces of the fitted polynomials, with a gap between them."""
+    """Draw the first fitted polynomials, with gaps between them."""
     x: list[float] = []
     y: list[float] = []
     for piece in s.fits[:pieces]:
@@ -63,14 +63,14 @@ def _sine_marks() -> tuple[Series, ...]:
 
 @dataclass(frozen=True)
 class Planar:
-    """Radius or speed in the plane of flight."""
+    """Draw radius or speed in the orbital plane."""
 
     column: str
     axis: Axis
     key: str
 
     def draw(self, name: str, role: Role, flight: PlanarFlight, shape: Shape = "line") -> Series:
-        """The column as a line."""
+        """Make a line of the column."""
         return line(name, role, flight.time_s, getattr(flight, self.column) / 1e3, 4, shape)
 
 
@@ -78,22 +78,24 @@ RADIUS = Planar("radius", Axis("radius", "km"), "radius_km")
 SPEED = Planar("speed", Axis("inertial speed", "km/s"), "speed_km_s")
 
 
-def _curves(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) -> list[Series]:
+def _curves(
+    quantity: Planar, s: Sources, piece: Callable[[PlanarAscent], PlanarFlight]
+) -> list[Series]:
     return [
-        quantity.draw("optimum", "other", piece(optimum_walk(s)), "band"),
+        quantity.draw("optimum", "other", piece(optimum_ascent(s)), "band"),
         quantity.draw(
-            "analytic, as printed", "third", piece(analytic_walk(s, s.analytic_printed)), "dashes"
+            "analytic, as printed", "third", piece(analytic_ascent(s, s.analytic_printed)), "dashes"
         ),
-        quantity.draw("analytic, improved", "here", piece(analytic_walk(s, s.analytic_improved))),
+        quantity.draw("analytic, improved", "here", piece(analytic_ascent(s, s.analytic_improved))),
     ]
 
 
-def _off(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) -> str:
-    """How far the two solutions run from the optimum at the same time."""
-    true = piece(optimum_walk(s))
+def _off(quantity: Planar, s: Sources, piece: Callable[[PlanarAscent], PlanarFlight]) -> str:
+    """Describe the largest distance of the two solutions from the optimum at equal times."""
+    true = piece(optimum_ascent(s))
     apart = []
     for found in (s.analytic_printed, s.analytic_improved):
-        flight = piece(analytic_walk(s, found))
+        flight = piece(analytic_ascent(s, found))
         times = np.arange(math.ceil(true.time_s[0]), min(true.time_s[-1], flight.time_s[-1]))
         values = [np.interp(times, f.time_s, getattr(f, quantity.column)) for f in (true, flight)]
         apart.append(float(np.max(np.abs(values[0] - values[1]))))
@@ -105,10 +107,10 @@ def _off(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) ->
 
 
 def _part_one(quantity: Planar, s: Sources) -> Figure:
-    """Figures 6.1 and 6.2."""
+    """Draw figures 6.1 and 6.2."""
 
-    def piece(walk: Walk) -> PlanarFlight:
-        return walk.flight.between(float(walk.flight.time_s[0]), walk.jettison_s)
+    def piece(ascent: PlanarAscent) -> PlanarFlight:
+        return ascent.flight.between(float(ascent.flight.time_s[0]), ascent.jettison_s)
 
     series = _curves(quantity, s, piece)
     if quantity is SPEED:
@@ -129,7 +131,7 @@ def _part_one(quantity: Planar, s: Sources) -> Figure:
 
 
 def _printed_ends(quantity: Planar, *which: str) -> Series:
-    """Cut-off as Table 6.5 prints it."""
+    """Mark the cut-off as printed in Table 6.5."""
     table = printed.values("table-6.5")
     return marks(
         "thesis, printed",
@@ -142,10 +144,10 @@ def _printed_ends(quantity: Planar, *which: str) -> Series:
 
 
 def _part_two(quantity: Planar, s: Sources) -> Figure:
-    """Figures 6.3 and 6.4."""
+    """Draw figures 6.3 and 6.4."""
 
-    def piece(walk: Walk) -> PlanarFlight:
-        return walk.flight.between(walk.jettison_s, walk.cutoff_s)
+    def piece(ascent: PlanarAscent) -> PlanarFlight:
+        return ascent.flight.between(ascent.jettison_s, ascent.cutoff_s)
 
     return Figure(
         TIME,
@@ -157,10 +159,10 @@ def _part_two(quantity: Planar, s: Sources) -> Figure:
 
 
 def _both(quantity: Planar, s: Sources) -> Figure:
-    """Figures 6.5 and 6.6."""
+    """Draw figures 6.5 and 6.6."""
 
-    def whole(walk: Walk) -> PlanarFlight:
-        return walk.flight
+    def whole(ascent: PlanarAscent) -> PlanarFlight:
+        return ascent.flight
 
     return Figure(
         TIME,

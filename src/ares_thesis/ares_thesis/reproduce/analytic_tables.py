@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the analytic solutions: 5.1, 5.2 and 6.1 to 6.6."""
+"""Compute the tables of the analytic solutions: 5.1, 5.2 and 6.1 to 6.6."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -25,8 +25,8 @@ from ares_thesis.reproduce.sources import Sources
 
 
 @dataclass(frozen=True)
-class Walk:
-    """An ascent in its plane with the times of its events, s."""
+class PlanarAscent:
+    """Hold a planar ascent with the times of its events, s."""
 
     flight: PlanarFlight
     staging_s: float
@@ -34,7 +34,7 @@ class Walk:
     cutoff_s: float
 
     def at(self, time_s: float) -> dict[str, float]:
-        """Radius km, speed km/s, flight-path angle and pitch deg just before an event."""
+        """Return radius km, speed km/s, flight-path angle and pitch deg just before an event."""
         flight = self.flight
         i = int(np.searchsorted(flight.time_s, time_s - 1e-6))
         return {
@@ -45,29 +45,29 @@ class Walk:
         }
 
 
-def optimum_walk(s: Sources) -> Walk:
-    """The optimum."""
-    return Walk(s.planar_optimum, s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
+def optimum_ascent(s: Sources) -> PlanarAscent:
+    """Return the optimum as a planar ascent."""
+    return PlanarAscent(s.planar_optimum, s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
 
 
-def analytic_walk(s: Sources, found: AnalyticSolution) -> Walk:
-    """An analytic solution."""
+def analytic_ascent(s: Sources, found: AnalyticSolution) -> PlanarAscent:
+    """Return an analytic solution as a planar ascent."""
     one, two = parts(found)
     assert found.flight is not None
-    return Walk(found.flight, s.staging_s, one.burns[-1].end_s, two.burns[-1].end_s)
+    return PlanarAscent(found.flight, s.staging_s, one.burns[-1].end_s, two.burns[-1].end_s)
 
 
 def parts(found: AnalyticSolution) -> tuple[AnalyticPart, AnalyticPart]:
-    """Both parts; the sources see to it that they are there."""
+    """Return both parts, which the sources guarantee."""
     assert found.part_one is not None and found.part_two is not None
     return found.part_one, found.part_two
 
 
-def _walks(s: Sources) -> tuple[Walk, ...]:
+def _ascents(s: Sources) -> tuple[PlanarAscent, ...]:
     return (
-        analytic_walk(s, s.analytic_printed),
-        analytic_walk(s, s.analytic_improved),
-        optimum_walk(s),
+        analytic_ascent(s, s.analytic_printed),
+        analytic_ascent(s, s.analytic_improved),
+        optimum_ascent(s),
     )
 
 
@@ -86,10 +86,13 @@ _QUANTITIES = {
 
 
 def _event(
-    name: str, walks: Iterable[Walk], when: Callable[[Walk], float], conditions: dict[str, str]
+    name: str,
+    ascents: Iterable[PlanarAscent],
+    when: Callable[[PlanarAscent], float],
+    conditions: dict[str, str],
 ) -> list[Row]:
-    """What a table says of one event: a row per quantity that has a condition."""
-    states = [walk.at(when(walk)) for walk in walks]
+    """Make the rows of one event: one per quantity with a condition."""
+    states = [ascent.at(when(ascent)) for ascent in ascents]
     return [
         Row(
             f"{name}: {_QUANTITIES[key][0]}",
@@ -100,14 +103,17 @@ def _event(
 
 
 def _duration(
-    label: str, condition: str, walks: Iterable[Walk], last: Callable[[Walk], float]
+    label: str,
+    condition: str,
+    ascents: Iterable[PlanarAscent],
+    last: Callable[[PlanarAscent], float],
 ) -> Row:
-    return Row(label, (word(condition), *(number(last(walk), 2) for walk in walks)))
+    return Row(label, (word(condition), *(number(last(ascent), 2) for ascent in ascents)))
 
 
 def table_5_1(s: Sources) -> Table:
-    """Parameters of part one, with the values that they come to."""
-    walks = _walks(s)
+    """Tabulate the parameters of part one, with their converged values."""
+    ascents = _ascents(s)
     start = s.mission.initial_state.time_s
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
     free = dict.fromkeys(("radius", "speed", "gamma"), "free")
@@ -115,15 +121,17 @@ def table_5_1(s: Sources) -> Table:
     return Table(
         _CONDITIONS,
         (
-            *_event("Start", walks, lambda _: start, known | theta),
-            *_event("Staging", walks, lambda walk: walk.staging_s, free),
-            _duration("Burn of stage 1, s", "known", walks, lambda walk: walk.staging_s - start),
-            *_event("Jettison", walks, lambda walk: walk.jettison_s, known | theta),
+            *_event("Start", ascents, lambda _: start, known | theta),
+            *_event("Staging", ascents, lambda ascent: ascent.staging_s, free),
+            _duration(
+                "Burn of stage 1, s", "known", ascents, lambda ascent: ascent.staging_s - start
+            ),
+            *_event("Jettison", ascents, lambda ascent: ascent.jettison_s, known | theta),
             _duration(
                 "Staging to jettison T_go, s",
                 "free",
-                walks,
-                lambda walk: walk.jettison_s - walk.staging_s,
+                ascents,
+                lambda ascent: ascent.jettison_s - ascent.staging_s,
             ),
         ),
         "The thesis takes the state at the jettison from its optimum. The improved profile does "
@@ -133,37 +141,39 @@ def table_5_1(s: Sources) -> Table:
 
 
 def table_5_2(s: Sources) -> Table:
-    """Parameters of part two, with the values that they come to."""
-    walks = _walks(s)
+    """Tabulate the parameters of part two, with their converged values."""
+    ascents = _ascents(s)
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
     return Table(
         _CONDITIONS,
         (
-            *_event("Jettison", walks, lambda walk: walk.jettison_s, known | {"theta": "free"}),
-            *_event("Cut-off", walks, lambda walk: walk.cutoff_s, known),
+            *_event(
+                "Jettison", ascents, lambda ascent: ascent.jettison_s, known | {"theta": "free"}
+            ),
+            *_event("Cut-off", ascents, lambda ascent: ascent.cutoff_s, known),
             _duration(
                 "Jettison to cut-off T_go, s",
                 "free",
-                walks,
-                lambda walk: walk.cutoff_s - walk.jettison_s,
+                ascents,
+                lambda ascent: ascent.cutoff_s - ascent.jettison_s,
             ),
         ),
     )
 
 
 def table_6_1(s: Sources) -> Table:
-    """First guesses, and the optimum that they were taken near."""
+    """Tabulate the first guesses beside the optimum."""
     thesis = printed.values("table-6.1")
-    walk = optimum_walk(s)
-    jettison, staging = walk.at(walk.jettison_s), walk.at(walk.staging_s)
-    start = walk.at(s.mission.initial_state.time_s)
+    ascent = optimum_ascent(s)
+    jettison, staging = ascent.at(ascent.jettison_s), ascent.at(ascent.staging_s)
+    start = ascent.at(s.mission.initial_state.time_s)
     rows = (
         ("Part one θ_PLF, deg", "theta_plf_deg", jettison["theta"], ""),
         ("Part one γ_stage1, deg", "gamma_staging_deg", staging["gamma"], ""),
         (
             "Part one T_go, s",
             "time_to_go_s",
-            walk.jettison_s - walk.staging_s,
+            ascent.jettison_s - ascent.staging_s,
             "The jettison of our optimum is earlier, see Table 4.1.",
         ),
         ("Part two θ_PLF, deg", "theta_plf_deg", jettison["theta"], ""),
@@ -195,7 +205,7 @@ def _named(columns: tuple[Column, ...], what: str) -> tuple[Column, ...]:
     return tuple(Column(f"{what}" if c.role else c.title, c.role) for c in columns)
 
 
-#: Label, key as printed, decimals as printed, decimals of ours.
+#: Label, key of the print, decimals in print, our decimals.
 _CONVERGED = (
     ("Iterations", "iterations", 0, 0),
     ("T_go, s", "time_to_go_s", 2, 2),
@@ -215,13 +225,13 @@ def _converged(found: AnalyticSolution) -> dict[str, float]:
 
 
 def table_6_2(s: Sources) -> Table:
-    """Part one, converged."""
+    """Tabulate part one, converged."""
     thesis = printed.values("table-6.3")[0]
-    walk = optimum_walk(s)
+    ascent = optimum_ascent(s)
     optimum = {
-        "time_to_go_s": walk.jettison_s - walk.staging_s,
-        "theta_plf_deg": walk.at(walk.jettison_s)["theta"],
-        "gamma_staging_deg": walk.at(walk.staging_s)["gamma"],
+        "time_to_go_s": ascent.jettison_s - ascent.staging_s,
+        "theta_plf_deg": ascent.at(ascent.jettison_s)["theta"],
+        "gamma_staging_deg": ascent.at(ascent.staging_s)["gamma"],
     }
     here, exact, improved = (
         _converged(found) for found in (s.analytic_printed, s.analytic_exact, s.analytic_improved)
@@ -253,7 +263,7 @@ def table_6_2(s: Sources) -> Table:
 
 
 def table_6_3(s: Sources) -> Table:
-    """The trapezoid with other steps and scales."""
+    """Compare the trapezoid with other steps and scales."""
     cases = printed.values("table-6.3")
     rows = []
     times: tuple[list[float], list[float]] = ([], [])
@@ -301,13 +311,13 @@ def _part_two(found: AnalyticSolution) -> dict[str, float]:
 
 
 def table_6_4(s: Sources) -> Table:
-    """Part two, converged."""
+    """Tabulate part two, converged."""
     thesis = printed.values("table-6.4")
-    walk = optimum_walk(s)
+    ascent = optimum_ascent(s)
     optimum = {
-        "time_to_go_s": walk.cutoff_s - walk.jettison_s,
-        "theta_plf_deg": walk.at(walk.jettison_s)["theta"],
-        "theta_end_deg": walk.at(walk.cutoff_s)["theta"],
+        "time_to_go_s": ascent.cutoff_s - ascent.jettison_s,
+        "theta_plf_deg": ascent.at(ascent.jettison_s)["theta"],
+        "theta_end_deg": ascent.at(ascent.cutoff_s)["theta"],
     }
     here, improved = _part_two(s.analytic_printed), _part_two(s.analytic_improved)
     return Table(
@@ -339,22 +349,22 @@ def table_6_4(s: Sources) -> Table:
     )
 
 
-def _ends(walk: Walk) -> dict[str, float]:
-    end = walk.at(walk.cutoff_s)
+def _ends(ascent: PlanarAscent) -> dict[str, float]:
+    end = ascent.at(ascent.cutoff_s)
     return {
-        "jettison_s": walk.jettison_s,
-        "cutoff_s": walk.cutoff_s,
+        "jettison_s": ascent.jettison_s,
+        "cutoff_s": ascent.cutoff_s,
         "radius_km": end["radius"],
         "speed_km_s": end["speed"],
     }
 
 
 def table_6_5(s: Sources) -> Table:
-    """Both parts in a row."""
+    """Tabulate both parts in sequence."""
     thesis = printed.values("table-6.5")
-    optimum = _ends(optimum_walk(s))
+    optimum = _ends(optimum_ascent(s))
     here, improved = (
-        _ends(analytic_walk(s, found)) for found in (s.analytic_printed, s.analytic_improved)
+        _ends(analytic_ascent(s, found)) for found in (s.analytic_printed, s.analytic_improved)
     )
     return Table(
         (
@@ -394,7 +404,7 @@ def table_6_5(s: Sources) -> Table:
 def _lateness(
     thesis_optimum: dict[str, float], thesis: dict[str, float], *ours: dict[str, float]
 ) -> str:
-    """How late each analytic solution is against its own optimum."""
+    """Describe the delay of each analytic solution against its own optimum."""
     optimum, here, improved = ours
     pairs = ((thesis, thesis_optimum), (here, optimum), (improved, optimum))
     late = [
@@ -411,7 +421,7 @@ def _lateness(
 
 
 def table_6_6(s: Sources) -> Table:
-    """Scalar delta-V, event to event."""
+    """Tabulate scalar delta-V between events."""
     thesis = printed.values("table-6.6")
     keys = ("to_staging_km_s", "to_jettison_km_s", "to_cutoff_km_s")
     printed_values = [thesis[key] for key in keys]
@@ -450,7 +460,7 @@ def table_6_6(s: Sources) -> Table:
 
 
 def _delta_v_of_optimum(s: Sources) -> list[float]:
-    """Sums over the optimum's steering arcs, km/s, between its events."""
+    """Sum delta-V over the optimum's steering arcs between its events, km/s."""
     ends = (s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
     sums = [0.0, 0.0, 0.0]
     for arc in s.optimum.arcs:

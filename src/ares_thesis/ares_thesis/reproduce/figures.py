@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the thesis, each a function of the sources."""
+"""Draw the figures of the thesis, each by a function of the sources."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ Marks = Callable[[Sources], tuple[Series, ...]]
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a figure shows of a flight.
+    """Define a quantity of a flight for figures.
 
     Attributes:
         column: of the profile.
@@ -48,7 +48,7 @@ class Quantity:
     digits: int = 3
 
     def draw(self, name: str, role: Role, profile: Profile, shape: Shape = "line") -> Series:
-        """The column as a line."""
+        """Make a line of the column."""
         values = self.scale * getattr(profile, self.column)
         return line(name, role, profile.time_s, values, self.digits, shape, log=self.axis.log)
 
@@ -69,7 +69,7 @@ HEATING = Quantity(
 
 
 def instants(s: Sources, solution: Solution) -> tuple[Guide, ...]:
-    """Staging, jettison and cut-off of a solution."""
+    """Return staging, jettison and cut-off of a solution."""
     return (
         Guide(s.staging_s, "staging"),
         Guide(round(solution.t_plf_s, 3), "jettison"),
@@ -78,7 +78,7 @@ def instants(s: Sources, solution: Solution) -> tuple[Guide, ...]:
 
 
 def _end_marks(value: Callable[[Sources], float], words: str) -> Marks:
-    """The printed cut-off times of thesis and OTIS, at a value that both share."""
+    """Mark the printed cut-off times of thesis and OTIS, at a common value."""
 
     def points(s: Sources) -> tuple[Series, ...]:
         table = printed.values("table-4.1")
@@ -98,7 +98,7 @@ _PROGRAMS: tuple[tuple[str, Role, str], ...] = (
 
 
 def _altitude_marks(s: Sources) -> tuple[Series, ...]:
-    # the target is printed as a radius; the ground below it is that of our cut-off
+    # the target is printed as a radius; take the ground below our cut-off
     ground = s.optimum_profile.radius_m[-1] - s.optimum_profile.altitude_m[-1]
     target = printed.values("table-2.1")["target"]["radius_m"]
     return _end_marks(lambda _: (target - ground) / 1e3, "cut-off, at the target radius")(s)
@@ -149,7 +149,7 @@ def _thrust_marks(_: Sources) -> tuple[Series, ...]:
 
 
 def angle_marks() -> Series:
-    """Printed flight-path angles of the thesis' optimum."""
+    """Mark the printed flight-path angles of the thesis' optimum."""
     table = printed.values("table-2.1")
     vehicle = printed.values("table-2.2")
     staging = printed.values("table-6.1")["optimum"]["gamma_staging_deg"]
@@ -218,21 +218,21 @@ _MARKS: dict[str, Marks] = {
 
 
 def levels(s: Sources, quantity: Quantity) -> tuple[Guide, ...]:
-    """The heating limit, where heating is shown."""
+    """Return the heating limit for a figure of heating."""
     if quantity is HEATING:
         return (Guide(s.heating_limit_w_m2 / 1e3, "limit"),)
     return ()
 
 
 def _nominal(quantity: Quantity, s: Sources) -> Figure:
-    """Figures 4.1 to 4.6: the optimum, and the optimum with the thesis' jettison time."""
+    """Draw figures 4.1 to 4.6: the optimum, and the optimum with the thesis' jettison time."""
     held = f"here, jettison held at {s.held.t_plf_s:.2f} s"
     curves = [
         quantity.draw("here, optimum", "here", s.optimum_profile),
         quantity.draw(held, "other", s.held_profile, "dashes"),
     ]
     if quantity is THRUST:
-        # what the thesis left out shows here
+        # the effect of the transients that the thesis omits
         curves[1] = quantity.draw("here, with transients", "third", s.transients_profile, "dashes")
     return Figure(
         TIME,
@@ -244,7 +244,7 @@ def _nominal(quantity: Quantity, s: Sources) -> Figure:
 
 
 def _cases(quantity: Quantity, s: Sources) -> Figure:
-    """Figures 4.7 and 4.9 to 4.14: 11, 14 and 20 parameters."""
+    """Draw figures 4.7 and 4.9 to 4.14: 11, 14 and 20 parameters."""
     profiles = (s.optimum_profile, s.optimum14_profile, s.optimum20_profile)
     return Figure(
         TIME,
@@ -261,12 +261,12 @@ def _cases(quantity: Quantity, s: Sources) -> Figure:
     )
 
 
-#: Differences below it, in units of the column, are those of rounding.
+#: Difference, in units of the column, below which it is due to rounding.
 _ROUNDING = 1e-6
 
 
 def _how_far(quantity: Quantity, profiles: Sequence[Profile]) -> str:
-    """A sentence: greatest distance between flights at whole seconds."""
+    """Describe the largest distance between flights at whole seconds."""
     begin = math.ceil(profiles[0].time_s[0])
     times = np.arange(begin, min(profile.time_s[-1] for profile in profiles))
     values = [np.interp(times, p.time_s, getattr(p, quantity.column)) for p in profiles]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The few numbers that matter most."""
+"""Select the most important numbers."""
 
 from ares_studies.pages.parts import Column, Role, Row, Table, number, word
 from ares_thesis.reproduce import printed
@@ -9,7 +9,7 @@ from ares_thesis.reproduce.sources import ALL_PINS, SETTLED, Sources
 
 
 def headline(s: Sources) -> Table:
-    """Optimum, PEG, jump condition and start: thesis and here."""
+    """Tabulate optimum, PEG, jump condition and start: thesis and here."""
     optimum = printed.values("table-4.1")["thesis"]
     peg = printed.values("table-6.7")
     flown = s.peg.flight.plant
@@ -56,7 +56,7 @@ def headline(s: Sources) -> Table:
 
 
 def masses(s: Sources) -> tuple[Dot, ...]:
-    """Final masses, least first."""
+    """Return the final masses, smallest first."""
     table = printed.values("table-4.1")
     peg = printed.values("table-6.7")["final_mass_kg"]
     dots: list[tuple[str, Role, float, int]] = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report on the thesis as plain data, which both the page and the JSON file show."""
+"""Define the report on the thesis as plain data for both the page and the JSON file."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -10,7 +10,7 @@ from ares_studies.pages.parts import Cell, Chapter, Role, Table
 
 @dataclass(frozen=True)
 class Erratum:
-    """A place where the print is wrong or silent, and what holds."""
+    """Hold an error or omission of the print, and its correction."""
 
     key: str
     place: str
@@ -20,7 +20,7 @@ class Erratum:
 
 @dataclass(frozen=True)
 class Dot:
-    """A number on a line."""
+    """Hold a number on a line."""
 
     label: str
     role: Role
@@ -29,14 +29,14 @@ class Dot:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything.
+    """Hold the contents of the report.
 
     Attributes:
-        mission: name and title of what was flown.
-        headline: the few numbers that matter most.
-        masses: final masses, least first.
+        mission: name and title of the mission.
+        headline: most important numbers.
+        masses: final masses, smallest first.
         chapters: in the order of the thesis.
-        errata: what is wrong in print.
+        errata: errors of the print.
     """
 
     mission: Mapping[str, str]
@@ -46,5 +46,5 @@ class Report:
     errata: tuple[Erratum, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Ready for ``json.dumps(allow_nan=False)``."""
+        """Return an object for ``json.dumps(allow_nan=False)``."""
         return asdict(self)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page on the thesis: one HTML file with everything in it."""
+"""Render the page on the thesis as one self-contained HTML file."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from ares_thesis.reproduce.model import Dot, Report
 
 
 def _place(dot: Dot, dots: Sequence[Dot]) -> str:
-    """Where a dot stands on its line, in percent, with a little room at the ends."""
+    """Return the position of a dot on its line, in percent, with margins at the ends."""
     values = [other.cell.value or 0.0 for other in dots]
     low, high = min(values), max(values)
     share = ((dot.cell.value or 0.0) - low) / (high - low)
@@ -16,17 +16,17 @@ def _place(dot: Dot, dots: Sequence[Dot]) -> str:
 
 
 def dump(report: Report) -> str:
-    """The report as JSON: no nan, no infinity."""
+    """Write the report as JSON without nan and infinity."""
     return one_line(report.to_json())
 
 
 def render(report: Report, data: str, json_name: str) -> str:
-    """The page.
+    """Render the page.
 
     Args:
-        report: what to show.
-        data: the same as JSON, which the figures are drawn from.
-        json_name: name of the file that holds it beside the page.
+        report: to show.
+        data: the same as JSON, source of the figures.
+        json_name: name of its file beside the page.
     """
     environment = make_environment(__package__)
     environment.filters["place"] = _place

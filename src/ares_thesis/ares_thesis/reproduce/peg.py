@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What PEG flies: Tables 6.7 and 6.8, Figures 6.8 to 6.17."""
+"""Compute the results of PEG: Tables 6.7 and 6.8, Figures 6.8 to 6.17."""
 
 import math
 from collections.abc import Callable
@@ -49,13 +49,13 @@ INCLINATION = Quantity("inclination_deg", Axis("inclination", "deg"), "deg", 1.0
 
 
 def jettison_s(history: History) -> float:
-    """When the fairing went."""
+    """Return the time of the fairing jettison, s."""
     events = history.flight.events
     return float(events["time"][events["type"] == JETTISON_DONE][0])
 
 
 def _end(s: Sources, history: History) -> dict[str, float]:
-    """Times, errors at cut-off and final mass, by the names of Table 6.7."""
+    """Return times, errors at cut-off and final mass, by the names of Table 6.7."""
     plant = history.flight.plant
     flown = Insertion.from_state(plant["position"], plant["velocity"])
     target = s.arrays.target[0]
@@ -75,7 +75,7 @@ def _end(s: Sources, history: History) -> dict[str, float]:
 
 
 def table_6_7(s: Sources) -> Table:
-    """How the flights of PEG end."""
+    """Tabulate the ends of PEG's flights."""
     thesis = printed.values("table-6.7")
     here, ours = _end(s, s.peg_printed), _end(s, s.peg)
     rows = []
@@ -121,7 +121,7 @@ _NOTES_6_7 = {
 
 
 def table_6_8(s: Sources) -> Table:
-    """PEG and the optimum."""
+    """Compare PEG with the optimum."""
     table = printed.values("table-6.8")
     here, ours = _end(s, s.peg_printed), _end(s, s.peg)
     optimum = {
@@ -164,7 +164,7 @@ def table_6_8(s: Sources) -> Table:
 
 
 def table_6_8_pins(s: Sources) -> Table:
-    """What of the thesis' architecture costs what."""
+    """Tabulate the cost of each pin of the thesis' architecture."""
     return Table(
         (
             Column("jettison, s"),
@@ -200,7 +200,7 @@ def _name_of(row: str) -> str:
 
 
 def table_6_8_thrust(s: Sources) -> Table:
-    """Final masses with engines that are off."""
+    """Tabulate final masses with wrong thrust."""
     return Table(
         (
             Column("PEG of the thesis, kg", "third"),
@@ -234,7 +234,7 @@ TABLES: dict[str, Callable[[Sources], Table]] = {
 
 
 def _instants(s: Sources) -> tuple[Guide, ...]:
-    """Staging, and jettison and cut-off of the thesis' PEG."""
+    """Return staging, and jettison and cut-off of the thesis' PEG."""
     return (
         Guide(s.staging_s, "staging"),
         Guide(round(jettison_s(s.peg_printed), 3), "jettison"),
@@ -251,7 +251,7 @@ def _flights(quantity: Quantity, s: Sources) -> list[Series]:
 
 
 def _point(key: str, value: float, words: str) -> Series:
-    """A point that the thesis prints for its PEG, at one of its times."""
+    """Mark a value printed for the thesis' PEG, at one of its times."""
     time = printed.values("table-6.8")["peg"][key]
     return marks("thesis, printed", "thesis", [(time, value, words)])
 
@@ -272,7 +272,7 @@ def _printed_end(quantity: Quantity) -> tuple[Series, ...]:
 
 
 def _flown(quantity: Quantity, s: Sources) -> Figure:
-    """Figures 6.8 to 6.13, 6.16 and 6.17."""
+    """Draw figures 6.8 to 6.13, 6.16 and 6.17."""
     points = _printed_end(quantity)
     if quantity is HEATING:
         points = (_point("jettison_s", s.heating_limit_w_m2 / 1e3, "Table 6.8: jettison"),)
@@ -286,7 +286,7 @@ def _flown(quantity: Quantity, s: Sources) -> Figure:
 
 
 def _predicted(column: str, title: str, key: str, s: Sources) -> Figure:
-    """Figures 6.14 and 6.15: what guidance expects, as the flight goes on."""
+    """Draw figures 6.14 and 6.15: guidance's predictions during the flight."""
     value = printed.values("table-6.8")["peg"][key]
 
     def draw(name: str, role: Role, history: History) -> Series:
@@ -306,7 +306,7 @@ def _predicted(column: str, title: str, key: str, s: Sources) -> Figure:
 
 
 def _settling(s: Sources, column: str) -> str:
-    """How much the predictions move from staging to their end."""
+    """Describe the range of the predictions from staging to their end."""
     spans = []
     for history in (s.peg_printed, s.peg):
         values = getattr(history, column)[history.time_s > s.staging_s - WATCHED]

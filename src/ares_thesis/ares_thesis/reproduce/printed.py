@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the thesis prints: its numbers, the order of its tables and figures, its errors."""
+"""Read the print of the thesis: its numbers, the order of its tables and figures, its errors."""
 
 from functools import cache
 from importlib import resources
@@ -14,15 +14,15 @@ def _file(name: str) -> Any:
 
 
 def values(key: str) -> Any:
-    """Printed numbers of a table, such as ``table-4.1``, by name with unit."""
+    """Return the printed numbers of a table, such as ``table-4.1``, by name with unit."""
     return _file("printed.yaml")[key]
 
 
 def contents() -> list[dict[str, Any]]:
-    """Chapters in order: number, title, text, items with key, title and what to see."""
+    """Return the chapters in order: number, title, text, items with key, title and hint."""
     return list(_file("contents.yaml"))
 
 
 def errata() -> list[dict[str, str]]:
-    """Errors in order: key, place, printed, holds; with names of facts in braces."""
+    """Return the errors in order: key, place, printed, correction, with facts in braces."""
     return list(_file("errata.yaml"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All tables and figures of the thesis, computed in the order of the page."""
+"""Compute all tables and figures of the thesis, in the order of the page."""
 
 from collections.abc import Callable
 from typing import Any, Literal
@@ -17,10 +17,10 @@ FIGURES = {**figures.FIGURES, **analytic_figures.FIGURES, **peg.FIGURES}
 
 
 def make_report(progress: Progress) -> Report:
-    """Compute everything.
+    """Compute the report.
 
     Args:
-        progress: told the name of each part before its turn.
+        progress: gets the name of each part before it is computed.
 
     Raises:
         OptimizerError: a solution did not converge.
@@ -46,13 +46,13 @@ def make_report(progress: Progress) -> Report:
 
 
 def parts() -> list[str]:
-    """Names of all parts, in the order in which they are computed."""
+    """Return the names of all parts, in the order of computation."""
     items = [_name(item) for chapter in printed.contents() for item in chapter["items"]]
     return [*items, "Errata", "In short"]
 
 
 def _name(item: dict[str, Any]) -> str:
-    """`Table 4.1` for `table-4.1`, unless another name is given."""
+    """Return `Table 4.1` for `table-4.1`, unless another name is given."""
     return str(item.get("name", item["key"].replace("-", " ").capitalize()))
 
 

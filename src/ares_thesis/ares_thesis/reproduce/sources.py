@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every solution and flight that the report shows, each computed once, when first asked for."""
+"""Compute every solution and flight of the report once, on first use."""
 
 import math
 from functools import cached_property
@@ -28,43 +28,43 @@ from ares_vehicle_sim.simulator import Simulator
 
 MISSION = "ares_v"
 
-#: Rows of the study of the pins that sentences quote.
+#: Rows of the pin study quoted in sentences.
 ALL_PINS = "peg_thesis: all pins, one pass a cycle"
 PLANE_FREE = "plane free until the jettison"
 SETTLED = "all pins, every cycle converged"
 
 
 class Sources:
-    """The thesis' mission, solved and flown.
+    """Solve and fly the thesis' mission.
 
-    A solution that does not converge raises OptimizerError with its reason: a report with a
-    failed result in it would be worth nothing.
+    A solution that does not converge raises OptimizerError with its reason: a report with a failed
+    result would be worthless.
     """
 
     @cached_property
     def mission(self) -> Mission:
-        """Tables 2.1 and 2.2 as the mission file has them."""
+        """Return the mission of Tables 2.1 and 2.2."""
         return load_mission(MISSION)
 
     @cached_property
     def arrays(self) -> MissionArrays:
-        """The same for kernels."""
+        """Return the mission for kernels."""
         return self.mission.arrays()
 
     @cached_property
     def start(self) -> Insertion:
-        """Radius, speed and angles of the initial state."""
+        """Return radius, speed and angles of the initial state."""
         start = self.mission.start()
         return Insertion.from_state(start.position, start.velocity)
 
     @cached_property
     def staging_s(self) -> float:
-        """Mission elapsed time of the staging."""
+        """Return the mission elapsed time of the staging."""
         return self.mission.ignition_times()[1]
 
     @cached_property
     def heating_limit_w_m2(self) -> float:
-        """Heating at which the fairing may go."""
+        """Return the heating limit of the fairing jettison."""
         jettisons = self.arrays.jettisons
         return float(jettisons["value"][jettisons["criterion"] == HEATING_LIMIT][0])
 
@@ -76,80 +76,80 @@ class Sources:
 
     @cached_property
     def optimum(self) -> Solution:
-        """The thesis' optimum: 11 parameters."""
+        """Return the thesis' optimum: 11 parameters."""
         return self._solved(self.mission, "direct11")
 
     @cached_property
     def optimum14(self) -> Solution:
-        """14 parameters."""
+        """Return the optimum of 14 parameters."""
         return self._solved(self.mission, "direct14")
 
     @cached_property
     def optimum20(self) -> Solution:
-        """20 parameters."""
+        """Return the optimum of 20 parameters."""
         return self._solved(self.mission, "direct20")
 
     @cached_property
     def jump(self) -> Solution:
-        """The steering rate after the jettison from the jump condition."""
+        """Return the solution with the steering rate after the jettison from the jump condition."""
         return self._solved(self.mission, "jump")
 
     @cached_property
     def indirect(self) -> Solution:
-        """The two-point problem: free control."""
+        """Return the solution of the two-point problem: free control."""
         return self._solved(self.mission, "indirect")
 
     @cached_property
     def held(self) -> Solution:
-        """The optimum with the jettison at the thesis' time."""
+        """Return the optimum with the jettison at the thesis' time."""
         at = printed.values("table-4.1")["thesis"]["jettison_s"]
         return self._solved(self.mission, "direct11", jettison_times={0: at})
 
     @cached_property
     def unheated(self) -> Solution:
-        """The optimum with the heating ignored: the most that Table 2.2 can lift."""
+        """Return the optimum without heating limit: the largest mass that Table 2.2 allows."""
         return self._solved(self.mission, "direct11", heating="ignored")
 
     @cached_property
     def spherical(self) -> Solution:
-        """The optimum with altitudes above a sphere."""
+        """Return the optimum with altitudes above a sphere."""
         environment = self.mission.environment.model_copy(update={"altitude": "spherical"})
         mission = self.mission.model_copy(update={"environment": environment})
         return self._solved(mission, "direct11")
 
     @cached_property
     def with_transients(self) -> Solution:
-        """The optimum with start and stop transients."""
+        """Return the optimum with start and stop transients."""
         return self._solved(self.transients_mission, "direct11")
 
     @cached_property
     def transients_mission(self) -> Mission:
-        """The mission with tail-off, separation coast and engine start."""
+        """Return the mission with tail-off, separation coast and engine start."""
         return load_mission(WITH_TRANSIENTS)
 
     @cached_property
     def transients_profile(self) -> Profile:
-        """Columns of the optimum with start and stop transients."""
+        """Return the columns of the optimum with start and stop transients."""
         return profile_of(self.transients_mission, self.with_transients)
 
     @cached_property
     def transient_rows(self) -> dict[str, TransientRow]:
-        """What each transient costs, up to OTIS' cut-off time, by name."""
+        """Return the cost of each transient, up to OTIS' cut-off time, by name."""
         otis = printed.values("table-4.1")["otis"]["cutoff_s"]
         return {row.name: row for row in transient_study(otis)}
 
     @cached_property
     def planar_optimum(self) -> PlanarFlight:
-        """The optimum in its plane."""
+        """Return the optimum in its orbital plane."""
         return planar_flight(self.optimum)
 
     @cached_property
     def fits(self) -> tuple[FittedPiece, ...]:
-        """The polynomials of chapter 5 fitted to the optimum, piece by piece."""
+        """Return the polynomials of chapter 5 fitted to the optimum, piece by piece."""
         return fit_flight(self.planar_optimum, self.staging_s, self.optimum.t_plf_s)
 
     def analytic(self, **options: object) -> AnalyticSolution:
-        """The analytic solution, from the jettison state of the optimum unless told otherwise."""
+        """Solve analytically, by default from the jettison state of the optimum."""
         asked = {"jettison_target": "optimizer"} | options
         found = solve_analytic(
             self.mission,
@@ -162,60 +162,60 @@ class Sources:
 
     @cached_property
     def analytic_printed(self) -> AnalyticSolution:
-        """As Table 6.2 has it: the printed polynomials, a trapezoid of 100 and 100 steps."""
+        """Return the solution of Table 6.2: printed polynomials, trapezoids of 100 steps."""
         steps = tuple(printed.values("table-6.3")[0]["steps"])
         return self.analytic(profile="thesis", position_integral="trapezoid", steps=steps)
 
     @cached_property
     def analytic_exact(self) -> AnalyticSolution:
-        """The printed polynomials, position in closed form."""
+        """Return the solution of the printed polynomials with position in closed form."""
         return self.analytic(profile="thesis", position_integral="exact")
 
     @cached_property
     def analytic_improved(self) -> AnalyticSolution:
-        """The better polynomials."""
+        """Return the solution of the improved polynomials."""
         return self.analytic(profile="improved")
 
     @cached_property
     def analytic_alone(self) -> AnalyticSolution:
-        """The better polynomials, the jettison state from the mission instead of the optimum."""
+        """Return that of the improved polynomials with the mission's jettison state."""
         return self.analytic(profile="improved", jettison_target="mission")
 
     @cached_property
     def optimum_profile(self) -> Profile:
-        """Columns of the optimum."""
+        """Return the columns of the optimum."""
         return profile_of(self.mission, self.optimum)
 
     @cached_property
     def optimum14_profile(self) -> Profile:
-        """Columns of the optimum with 14 parameters."""
+        """Return the columns of the optimum with 14 parameters."""
         return profile_of(self.mission, self.optimum14)
 
     @cached_property
     def optimum20_profile(self) -> Profile:
-        """Columns of the optimum with 20 parameters."""
+        """Return the columns of the optimum with 20 parameters."""
         return profile_of(self.mission, self.optimum20)
 
     @cached_property
     def held_profile(self) -> Profile:
-        """Columns of the optimum with the jettison at the thesis' time."""
+        """Return the columns of the optimum with the jettison at the thesis' time."""
         return profile_of(self.mission, self.held)
 
     @cached_property
     def peg(self) -> History:
-        """Multi-stage PEG, closed loop, from the navigation state alone."""
+        """Return a flight of multi-stage PEG, closed loop, from the navigation state alone."""
         return record_flight(self.mission, ready_law(self.mission))
 
     @cached_property
     def peg_printed(self) -> History:
-        """PEG as the thesis flew it, by modes, from the analytic solution."""
+        """Return a flight of the thesis' PEG, by modes, from the analytic solution."""
         return record_flight(self.mission, ready_law(self.mission, "peg_thesis"))
 
     def first_solution(self, guess: Solution | None = None) -> int:
-        """Iterations in which multi-stage PEG finds its first solution.
+        """Count the iterations to multi-stage PEG's first solution.
 
         Args:
-            guess: where it starts; None: from the navigation state alone.
+            guess: initial solution; None: from the navigation state alone.
         """
         law = ready_law(self.mission, guess=guess)
         law.step(Simulator(self.mission).navigation)
@@ -223,17 +223,17 @@ class Sources:
 
     @cached_property
     def pins(self) -> dict[str, PinnedFlight]:
-        """What each pin of the thesis' PEG costs, by name."""
+        """Return the cost of each pin of the thesis' PEG, by name."""
         return {row.name: row for row in pin_study(self.mission)}
 
     @cached_property
     def wrong_thrust(self) -> list[WrongThrust]:
-        """The same with engines that give more or less than guidance foresees."""
+        """Return the cost of the pins with wrong thrust."""
         return wrong_thrust_study(mission=self.mission)
 
     @cached_property
     def facts(self) -> dict[str, Any]:
-        """Numbers that sentences quote, by the name in their braces."""
+        """Return the numbers quoted in sentences, by the name in their braces."""
         table = printed.values("table-4.1")
         otis = table["otis"]
         peg = printed.values("table-6.7")

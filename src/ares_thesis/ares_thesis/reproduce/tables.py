@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the thesis, each a function of the sources."""
+"""Compute the tables of the thesis, each by a function of the sources."""
 
 import math
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from ares_thesis.transients import mass_after_full_flow
 
 
 def table_2_1(s: Sources) -> Table:
-    """Initial state and target."""
+    """Tabulate initial state and target."""
     thesis = printed.values("table-2.1")
     target = s.arrays.target[0]
     states = {
@@ -68,7 +68,7 @@ _NOTES_2_1 = {
 
 
 def table_2_2(s: Sources) -> Table:
-    """The vehicle, and whether it closes."""
+    """Tabulate the vehicle, and check that its masses are consistent."""
     thesis = printed.values("table-2.2")
     core_arc, upper_arc = s.arrays.arcs[0], s.arrays.arcs[-1]
     burnout = float(core_arc["stack_mass"]) - float(core_arc["mass_flow"]) * (
@@ -108,7 +108,7 @@ def _isp(s: Sources, arc: int) -> float:
 
 
 def table_3_1(s: Sources) -> Table:
-    """Gravity, inverse-square and linear, along the optimum."""
+    """Compare inverse-square and linear gravity along the optimum."""
     thesis = printed.values("table-3.1")
     flight = s.optimum_profile
     last_of_core = int((flight.time_s < s.staging_s).sum())
@@ -165,7 +165,7 @@ def _note_3_1(s: Sources, row: int) -> str:
 
 
 def table_4_1(s: Sources) -> Table:
-    """Result of the optimization."""
+    """Tabulate the result of the optimization."""
     table = printed.values("table-4.1")
     otis, thesis = table["otis"], table["thesis"]
     ours = _results(s.optimum)
@@ -212,7 +212,7 @@ def table_4_1(s: Sources) -> Table:
 
 
 def table_4_1_otis(s: Sources) -> Table:
-    """OTIS' row of Table 4.1 and what transients can do for it."""
+    """Compare OTIS' row of Table 4.1 with the effect of transients."""
     otis = printed.values("table-4.1")["otis"]
     rows = [
         Row(
@@ -261,7 +261,7 @@ _NOTES_OTIS = {
 }
 
 
-#: Key, label, decimals as printed, decimals of ours.
+#: Key, label, decimals in print, our decimals.
 _RESULT_ROWS = (
     ("jettison_s", "Jettison t_PLF, s", 2, 2),
     ("burn_s", "Burn after it t_burn, s", 2, 2),

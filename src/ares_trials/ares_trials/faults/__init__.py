@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults from outside into real flights: `ares faults`."""
+"""Inject external faults into real flights: `ares faults`."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is done to a flight, each at times and in sizes that a generator draws."""
+"""Inject faults into a flight, at times and in sizes drawn by a generator."""
 
 import copy
 import resource
@@ -39,27 +39,27 @@ from ares_node.time import ns_from_seconds, ns_from_stamp, stamp_from_seconds
 from ares_trials.faults import tampering
 from ares_trials.faults.control import Control
 from ares_trials.faults.relay import Channel
-from ares_trials.faults.scene import Flown, Scene
+from ares_trials.faults.scene import FlightResult, Scene
 
-#: What is done to a scene of a flight like the control, drawn by a generator.
+#: Injects a fault, drawn by a generator, into a flight whose undisturbed course is the control.
 Act = Callable[[Scene, Control, Generator], None]
 
-#: Flight time in s that the vehicle needs to recover, and that a fault lasts at most.
+#: Flight time in s for the vehicle to recover; longest fault, s.
 TIME_TO_RECOVER = 30.0
 LONGEST = 20.0
-#: Of the messages of a bad link.
+#: Fractions of the messages affected by a bad link.
 SHARES = [0.01, 0.1, 0.5]
-#: Flight time in s that a bad link lasts.
+#: Duration of a bad link, s of flight time.
 BAD_LINK = 100.0
-#: Pace at which a flight goes on without guidance: 20 s of it are over before another has started.
+#: Pace without guidance: 20 s of flight pass before a successor has started.
 PACE = 20.0
-#: Pace of a flight on a machine that is busy, and how far it may stay behind unsaid, s: what it
-#: makes up for, and the time that a message takes.
+#: Pace of a flight on a busy machine; lag in s that it need not report: the lag that it catches up,
+#: and the time of a message.
 FAST = 200.0
 UNSAID = 1.0
-#: Wall time in s in which a word is heard, and contradicted.
+#: Wall time in s for a forged message to be received and contradicted.
 HEARD_AFTER = 0.3
-#: Wall time in s after which the recorder has flushed all that it has got.
+#: Wall time in s after which the recorder has flushed all received messages.
 FLUSHED_AFTER = 1.2
 
 
@@ -70,7 +70,7 @@ def _some_time(control: Control, rng: Generator, before_cutoff_s: float = 2.0) -
 def _note_end(
     scene: Scene, control: Control, end_s: float, recovery_s: float = TIME_TO_RECOVER
 ) -> None:
-    """When the fault is over, and so whether the target must be reached."""
+    """Record whether the target must be reached, given the end of the fault."""
     scene.facts["must_reach"] = control.cutoff_s - end_s >= recovery_s
 
 
@@ -78,7 +78,7 @@ def _note_end(
 
 
 def kill_guidance(scene: Scene, control: Control, rng: Generator) -> None:
-    """Killed; its successor flies 0 to 20 s later, however long it takes to start."""
+    """Kill guidance; its successor takes over 0 to 20 s of flight later, however slow its start."""
     at = _some_time(control, rng)
     without = float(rng.uniform(0.0, LONGEST))
     _note_end(scene, control, at + without)
@@ -94,7 +94,7 @@ def kill_guidance(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def stop_guidance(scene: Scene, control: Control, rng: Generator) -> None:
-    """Stopped for 1 to 20 s; then it has all the states of that time before it."""
+    """Stop guidance for 1 to 20 s of flight; the states of that time queue up for it."""
     at = _some_time(control, rng)
     without = float(rng.uniform(1.0, LONGEST))
     _note_end(scene, control, at + without)
@@ -111,12 +111,12 @@ def stop_guidance(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def _answered(command: ThrustCommand | None) -> float:
-    """Flight time of the state that a command answers, s."""
+    """Return the flight time of the state that a command answers, s."""
     return ns_from_stamp(command.nav_stamp) / 1e9 if command is not None else -np.inf
 
 
 def signal_optimizer(name: str) -> Act:
-    """A signal to the optimizer: while it is asked, or in flight."""
+    """Send the optimizer a signal, as soon as its service is up or in flight."""
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
         early = rng.random() < 0.5
@@ -131,7 +131,7 @@ def signal_optimizer(name: str) -> Act:
 
 
 def answer_falsely(scene: Scene, control: Control, rng: Generator) -> None:
-    """Another answers in the optimizer's place, from the begin on."""
+    """Do nothing: the false optimizer runs in place of the true one from the start."""
     del scene, control, rng
 
 
@@ -139,7 +139,7 @@ def answer_falsely(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def _fly_to_flushed(scene: Scene, control: Control, rng: Generator) -> bool:
-    """To some time; the recorder has time to flush what came before."""
+    """Fly to a random time and wait until the recorder has flushed; False if the flight ended."""
     if not scene.fly_to(_some_time(control, rng)):
         return False
     scene.facts["flushed"] = int(scene.relay.now - control.begin_s)
@@ -148,13 +148,13 @@ def _fly_to_flushed(scene: Scene, control: Control, rng: Generator) -> bool:
 
 
 def kill_recorder(scene: Scene, control: Control, rng: Generator) -> None:
-    """At any time."""
+    """Kill the recorder."""
     if _fly_to_flushed(scene, control, rng):
         scene.signal(RECORDER, signal.SIGKILL)
 
 
 def fill_disk(scene: Scene, control: Control, rng: Generator) -> None:
-    """From some time on no file can grow."""
+    """Limit the size of the recorder's files from a random time on."""
     if _fly_to_flushed(scene, control, rng):
         size = max(path.stat().st_size for path in scene.bag.iterdir())
         limit = size + int(rng.integers(1, 4096))
@@ -162,18 +162,18 @@ def fill_disk(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def remove_folder(scene: Scene, control: Control, rng: Generator) -> None:
-    """The bag's folder is removed with all that is in it."""
+    """Remove the bag's folder."""
     if scene.fly_to(_some_time(control, rng)):
         shutil.rmtree(scene.bag)
 
 
-def what_was_flushed_is_there(scene: Scene, _flown: Flown) -> str:
-    """The bag is whole as it is and holds each navigation state from before the fault."""
+def what_was_flushed_is_there(scene: Scene, _flown: FlightResult) -> str:
+    """Check that the bag is whole and holds each navigation state before the fault; "" if so."""
     return _what_is_missing(scene, scene.bag)
 
 
-def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
-    """The same of the repaired bag, if the bag is not whole."""
+def what_was_flushed_is_saved(scene: Scene, _flown: FlightResult) -> str:
+    """Check the same of the bag, repaired if it is not whole."""
     try:
         if not verify(scene.bag).findings:
             return _what_is_missing(scene, scene.bag)
@@ -199,13 +199,13 @@ def _what_is_missing(scene: Scene, bag: Path) -> str:
 
 
 def tamper_link(channel: str, kind: str, worse: bool) -> Act:
-    """A share of the messages of one direction, for a while.
+    """Affect a fraction of the messages in one direction for BAD_LINK s.
 
     Args:
         channel: of the relay.
-        kind: what happens to them.
-        worse: to half of them, not to a tenth at most; if they are late, by up to 3 s, not 1, and
-            to a half at most.
+        kind: `lost`, `doubled`, `delayed` or other: late by up to 1 s and out of order.
+        worse: affect half of the messages, not a tenth at most. Delays reach 3 s, not 1 s, and
+            affect up to a half of them.
     """
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
@@ -231,7 +231,7 @@ def tamper_link(channel: str, kind: str, worse: bool) -> Act:
 
 
 DRIFT, FROZEN = "drifts slowly", "frozen"
-#: Flight time in s in which a state comes for sure.
+#: Flight time in s that surely contains a navigation state.
 A_STATE = 2.0
 NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "not a number": tampering.not_a_number,
@@ -243,23 +243,23 @@ NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "of another mission": tampering.of_another_mission,
     DRIFT: tampering.drifting,
 }
-#: The same after a drift, which is taken for true: true navigation is then refused for a window of
-#: 20 s, the first solutions behind that turn the thrust by more than the gate lets pass, and in the
-#: last 10 s the steering is held. Drifts of 12 to 20 s that end 37 s before the cut-off or earlier
-#: all come back, some that end 36 s before do not.
+#: Flight time in s to recover from a drift, which guidance accepts as true. True navigation is then
+#: refused for a window of 20 s, the first solutions after it turn the thrust by more than the gate
+#: allows, and in the last 10 s the steering is held. Flights recover from all drifts of 12 to 20 s
+#: that end 37 s or more before cut-off, but not from some that end 36 s before.
 RECOVERY_FROM_DRIFT = 40.0
-#: Error of a drifting velocity, m/s, that is told when the drift ends, at the latest: somewhat more
-#: than what the gate of navigation allows for in a second.
+#: Velocity error of a drift, m/s, above which its end must be reported: slightly more than the
+#: navigation gate allows per second.
 TOLD_FROM = 2.0
 
 
 def recovery(kind: str) -> float:
-    """Flight time in s after wrong navigation with which the target must be reached."""
+    """Return the flight time in s after wrong navigation within which the flight must recover."""
     return RECOVERY_FROM_DRIFT if kind == DRIFT else TIME_TO_RECOVER
 
 
 def tamper_navigation(kind: str) -> Act:
-    """Wrong for 1 to 20 s."""
+    """Make the navigation wrong for 1 to 20 s."""
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
         at = _some_time(control, rng)
@@ -268,7 +268,7 @@ def tamper_navigation(kind: str) -> Act:
         relay = scene.relay
         last: list[Any] = []
         if kind == DRIFT:
-            # its last state is less than a second before the end; then comes a true one
+            # the last wrong state is less than a second before the end, followed by a true one
             told = tampering.DRIFT * (end - at - 1.0) > TOLD_FROM and end < control.cutoff_s - 2.0
             scene.facts["can_be_told"] = told
 
@@ -281,7 +281,7 @@ def tamper_navigation(kind: str) -> Act:
 
             return relay.changed(data, change)
 
-        # the last true state is what a frozen one stays at
+        # frozen navigation repeats the last true state
         relay.states.begin = at - A_STATE if kind == FROZEN else at
         relay.states.end = end
         relay.states.tamper = tampering.change(wrong)
@@ -289,12 +289,12 @@ def tamper_navigation(kind: str) -> Act:
     return act
 
 
-#: How far stamps are wrong at most, s.
+#: Largest error of a stamp, s.
 FAR_STAMP = 60.0
 
 
 def _wrong_stamp(kind: str, now: float, begin: float, rng: Generator) -> float:
-    """The stamp of a state of a flight time, s, where stamps are wrong from ``begin`` on."""
+    """Return the wrong stamp of a state, s; stamps are wrong from flight time `begin` on."""
     return {
         "ahead": now + FAR_STAMP,
         "behind": now - FAR_STAMP,
@@ -304,7 +304,7 @@ def _wrong_stamp(kind: str, now: float, begin: float, rng: Generator) -> float:
 
 
 def tamper_stamps(kind: str) -> Act:
-    """Of one state, or of those of 1 to 20 s."""
+    """Make the stamps of one state, or of those of 1 to 20 s, wrong."""
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
         at = _some_time(control, rng)
@@ -356,7 +356,7 @@ COMMAND_FAULTS: dict[str, Callable[[ThrustCommand, Generator], None]] = {
 
 
 def tamper_commands(kind: str) -> Act:
-    """Wrong for 1 to 20 s; a jettison while it is far too hot for it."""
+    """Make the commands wrong for 1 to 20 s; a wrong jettison is commanded far too early."""
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
         too_late = control.cutoff_s - control.jettison_s + 100.0
@@ -376,7 +376,7 @@ def tamper_commands(kind: str) -> Act:
 
 
 def second_publisher(scene: Scene, control: Control, rng: Generator) -> None:
-    """Somebody else answers first: as another guidance, for another flight, late, as nobody."""
+    """Publish competing answers: as another guidance, for another flight, late, or unidentified."""
     at = _some_time(control, rng)
     end = at + float(rng.uniform(1.0, LONGEST))
     kind = rng.choice(["another guidance", "another flight", "late", "nobody"])
@@ -401,11 +401,11 @@ def second_publisher(scene: Scene, control: Control, rng: Generator) -> None:
     scene.relay.on_command = answer
 
 
-# ---- words in the name of others
+# ---- forged messages
 
 
 def _forged_word(scene: Scene, role: Role, state: State) -> FlightMember:
-    """The last word of a member, with another state and no digest."""
+    """Make a member's last announcement, with another state and no digest."""
     known = [word for word in scene.relay.membership.others(role) if word.state != State.LEFT]
     return FlightMember(
         flight_id=scene.relay.membership.flight_id,
@@ -422,7 +422,7 @@ def _forged_word(scene: Scene, role: Role, state: State) -> FlightMember:
 def _say_forged(
     scene: Scene, control: Control, rng: Generator, out: Any, message_at: Callable[[float], Any]
 ) -> None:
-    """Publish a forged message some time in flight, once somebody hears it."""
+    """Publish a forged message at a random time, once it has a subscription."""
     at = _some_time(control, rng)
     _note_end(scene, control, at)
     if not scene.fly_to(at):
@@ -434,7 +434,7 @@ def _say_forged(
 
 
 def forge_word(role: Role, state: State) -> Act:
-    """Somebody says another state in the name of a member."""
+    """Announce another state under the identity of a member."""
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
         out = scene.node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
@@ -444,7 +444,7 @@ def forge_word(role: Role, state: State) -> Act:
 
 
 def forge_end(scene: Scene, control: Control, rng: Generator) -> None:
-    """Somebody says in the simulator's name that the flight is complete."""
+    """Publish, under the simulator's identity, that the flight is complete."""
 
     def complete(at: float) -> FlightEvent:
         return FlightEvent(
@@ -462,10 +462,10 @@ def forge_end(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def forge_commands(scene: Scene, control: Control, rng: Generator) -> None:
-    """Somebody answers the state that comes next, in the name of guidance and turned aside."""
+    """Answer the next state under guidance's identity, with a rotated thrust direction."""
     at = _some_time(control, rng)
     end = at + float(rng.uniform(1.0, LONGEST))
-    # without a key there is no telling which of two answers is guidance's
+    # without a key, the true answer cannot be distinguished
     scene.facts["must_reach"] = False
     out = scene.node.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
 
@@ -486,7 +486,7 @@ def forge_commands(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def stand_still(scene: Scene, control: Control, rng: Generator) -> None:
-    """The clock stands, and the answers that were given come again, turned round."""
+    """Stop the clock and repeat the answers given, with the thrust reversed."""
     given: list[ThrustCommand] = []
     scene.relay.on_command = given.append
     if not scene.fly_to(_some_time(control, rng)):
@@ -506,12 +506,12 @@ def stand_still(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def jump_back(scene: Scene, control: Control, rng: Generator) -> None:
-    """Another clock says what was, and guidance gets the states of then once more."""
+    """Publish a past time on another clock, and repeat the states of then."""
     back = float(rng.uniform(2.0, 100.0))
     at = _some_time(control, rng, 10.0)
     _note_end(scene, control, at)
     if at - back <= control.begin_s:
-        # the very first state again is a flight that begins anew, as a replay does
+        # a repetition of the first state is a new start of the flight, as in a replay
         scene.facts["says"] = ("the flight begins again", "command refused: nav_stamp")
         scene.facts["unaffected"] = False
     kept: list[bytes] = []
@@ -530,7 +530,7 @@ def jump_back(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def restart_simulator(scene: Scene, control: Control, rng: Generator) -> None:
-    """Killed at any time; who started it does so again."""
+    """Kill the simulator; its launcher starts it again."""
     scene.fly_past(_some_time(control, rng, 100.0))
     scene.signal(SIMULATOR, signal.SIGKILL)
 
@@ -539,7 +539,7 @@ def restart_simulator(scene: Scene, control: Control, rng: Generator) -> None:
 
 
 def load_cores(scene: Scene, control: Control, rng: Generator) -> None:
-    """Two processes that do nothing else; half of the flights keep a pace from some time on."""
+    """Run two busy processes; in half of the trials, set a pace at a random time."""
     at = _some_time(control, rng, 400.0)
     paced = bool(rng.random() < 0.5)
     for _ in range(2):
@@ -556,8 +556,8 @@ def load_cores(scene: Scene, control: Control, rng: Generator) -> None:
     scene.relay.on_command = look
 
 
-def what_was_missed_is_said(scene: Scene, flown: Flown) -> str:
-    """A flight that fell behind its pace by more than it makes up for has said so."""
+def what_was_missed_is_said(scene: Scene, flown: FlightResult) -> str:
+    """Check that a flight reported a lag beyond UNSAID; return a complaint or ""."""
     behind = scene.facts.get("behind_s", 0.0)
     if behind > UNSAID and "behind its pace by" not in flown.said:
         return f"{behind:.1f} s behind its pace, and not said"

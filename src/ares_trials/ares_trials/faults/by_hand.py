@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulator and guidance as started by hand: python -m ares_trials.faults.by_hand.
+"""Fly simulator and guidance as started by hand: python -m ares_trials.faults.by_hand.
 
-Neither is told a flight. A simulator that ends is started again, as another flight, and what that
-one comes to is printed as one JSON object.
+Neither is given a flight id. A simulator that ends is restarted, as another flight, whose summary
+is printed as one JSON object.
 """
 
 import json
@@ -18,7 +18,7 @@ from ares_node.identity import new_id
 
 MISSION = "ares_v"
 NAMESPACE = "/ares"
-#: Pace of the flight that is not to come to its end.
+#: Pace of the first flight, which is interrupted.
 PACE = 100.0
 LOOK_PERIOD = 0.02
 
@@ -28,7 +28,7 @@ def _start(crew: Crew, name: str, **values: object) -> None:
 
 
 def _watch(crew: Crew, flight_id: int) -> FlightSummary:
-    """Look on until the flight or its simulator has ended."""
+    """Watch until the flight or its simulator has ended."""
     summary = FlightSummary(
         mission_facts(MISSION),
         "peg",

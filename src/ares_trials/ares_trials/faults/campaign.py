@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many trials, some at a time, and the table of what they came to."""
+"""Run many trials, several at a time, and tabulate their results."""
 
 import ctypes
 import json
@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from rich.console import Console
 from rich.table import Table
 
-from ares_bringup.commands.interrupts import grant, tell
+from ares_bringup.commands.interrupts import extend_grace, report_interrupt
 from ares_bringup.crew import CLOSE_TIMEOUT
 from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.options import CannotStart
@@ -27,21 +27,21 @@ from ares_trials.faults.trial import Class, Trial, run
 
 T = TypeVar("T")
 
-#: What is counted.
+#: Columns of the table.
 INJECTED = "injected"
 SUMS = (INJECTED, *(kind.value for kind in Class))
 
 EXIT_INTERRUPTED = 130
 
-#: A process hears of the end of its parent (Linux).
+#: prctl option: get a signal when the parent ends (Linux).
 PR_SET_PDEATHSIG = 1
 
 
 def chosen(words: Sequence[str]) -> list[str]:
-    """Names of the rows that hold one of some words; all without words.
+    """Return the names of the rows that contain one of the words; all rows without words.
 
     Raises:
-        CannotStart: none holds a word; one line.
+        CannotStart: a word matches no row; one line.
     """
     names = [row.name for row in ROWS]
     for word in words:
@@ -51,17 +51,17 @@ def chosen(words: Sequence[str]) -> list[str]:
 
 
 def spread(names: Sequence[str], n: int) -> list[tuple[str, int]]:
-    """So many trials, one of each row after the other: row and number in it."""
+    """Distribute n trials over the rows in turn; return row and number in it."""
     return [(names[k % len(names)], k // len(names)) for k in range(n)]
 
 
 def end_with_parent() -> None:
-    """Let a worker whose parent has gone, or that is told to end, clean up and end."""
+    """Let a worker clean up and end when its parent ends or it gets SIGTERM."""
 
     def end(number: int, _frame: FrameType | None) -> None:
-        # both may come: the second must not cut the cleaning short
+        # a second signal must not interrupt the clean-up
         signal.signal(number, signal.SIG_IGN)
-        # the middleware would tell of the end within a callback as of an error of the callback
+        # the middleware would print the exception as an error of its callback
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
         raise SystemExit(1)
 
@@ -70,19 +70,19 @@ def end_with_parent() -> None:
 
 
 def in_worker(name: str, seed: int, number: int, control: Control | None) -> Trial:
-    """One trial of a worker; the pool would go on after the end that a signal has asked for."""
+    """Run one trial in a worker, and end the worker on a signal, which the pool would ignore."""
     return _or_end(lambda: run(name, seed, number, control))
 
 
 def control_in_worker() -> Control:
-    """The flight without a fault, likewise."""
+    """Fly the undisturbed flight in a worker, likewise."""
     return _or_end(undisturbed)
 
 
 def _or_end(work: Callable[[], T]) -> T:
     with suppress(SystemExit):
         return work()
-    # a signal in the middleware's own code leaves a context that nobody can destroy
+    # after a signal inside the middleware its context cannot be destroyed
     own = os.getpid()
     others = (pid for pid in all_pids() if pid != own)
     clear(shared_memory([own]) - shared_memory(others))
@@ -92,24 +92,24 @@ def _or_end(work: Callable[[], T]) -> T:
 def fly_all(
     tasks: Sequence[tuple[str, int]], seed: int, workers: int, done: Callable[[Trial], None]
 ) -> list[Trial]:
-    """Fly trials in worker processes.
+    """Run trials in worker processes.
 
     Args:
         tasks: row and number of each.
         seed: of the campaign.
-        workers: how many at a time.
-        done: gets each as it ends.
+        workers: number of processes.
+        done: gets each trial as it ends.
 
     Returns:
-        In the order of the tasks.
+        The trials in the order of the tasks.
 
     Raises:
         CannotStart: the flight without a fault does not reach the target; one line.
     """
     flown = {row.name for row in ROWS if row.alone is None}
     context = multiprocessing.get_context("spawn")
-    # an end that cannot wait for a worker leaves the pool's semaphores to Python's tracker, whose
-    # process clears them, and need not say so
+    # if the end cannot wait for a worker, Python's resource tracker removes the pool's semaphores,
+    # and must not print a warning
     sys.warnoptions.append("ignore:resource_tracker")
     trials: dict[tuple[str, int], Trial] = {}
     with ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent) as pool:
@@ -133,7 +133,7 @@ def fly_all(
                 trials[name, number] = trial
                 done(trial)
         except BaseException:
-            # their trials are not waited for
+            # do not wait for running trials
             for worker in multiprocessing.active_children():
                 worker.terminate()
             raise
@@ -143,7 +143,7 @@ def fly_all(
 
 
 def counted(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-    """The table: a row per kind of fault that was flown, with how many came to what."""
+    """Tabulate the results: one row per kind of fault flown, with counts by class."""
     rows = []
     for row in ROWS:
         results = [trial.result for trial in trials if trial.row == row.name]
@@ -156,7 +156,7 @@ def counted(trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
 
 def as_object(trials: Sequence[Trial], n: int, seed: int) -> dict[str, Any]:
-    """What `ares faults --json` prints: table, sums, and each trial that did not survive."""
+    """Return the output of `ares faults --json`: table, sums, trials that did not survive."""
     rows = counted(trials)
     return {
         "n": n,
@@ -168,7 +168,7 @@ def as_object(trials: Sequence[Trial], n: int, seed: int) -> dict[str, Any]:
 
 
 def show(result: dict[str, Any], console: Console) -> None:
-    """Print the table, and why trials were wrong."""
+    """Print the table, and the reason of each wrong trial."""
     table = Table(box=None, pad_edge=False)
     table.add_column("fault")
     for key in SUMS:
@@ -183,12 +183,12 @@ def show(result: dict[str, Any], console: Console) -> None:
 
 
 def faults(n: int, seed: int, words: Sequence[str], workers: int, as_json: bool) -> int:
-    """Fly a campaign of faults and print what came of it; the exit status.
+    """Run a campaign of faults and print its results; return the exit status.
 
     Args:
-        n: trials in all.
-        seed: of what is drawn.
-        words: only rows whose name holds one of them.
+        n: number of trials.
+        seed: of the campaign.
+        words: select rows whose name contains one of them.
         workers: trials at a time.
         as_json: one object instead of the table.
     """
@@ -205,12 +205,12 @@ def faults(n: int, seed: int, words: Sequence[str], workers: int, as_json: bool)
                 line = f"wrong: {trial.row}, number {trial.number}: {trial.why}"
                 print(line, file=sys.stderr, flush=True)
 
-        grant(CLOSE_TIMEOUT)
+        extend_grace(CLOSE_TIMEOUT)
         try:
             trials = fly_all(tasks, seed, workers, done)
         except KeyboardInterrupt:
             flown = round(progress.tasks[task].completed)
-            tell(f"{flown} of {len(tasks)} faults were flown, none is kept")
+            report_interrupt(f"{flown} of {len(tasks)} faults were flown, none is kept")
             return EXIT_INTERRUPTED
     result = as_object(trials, n, seed)
     if as_json:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight without any fault, by which the others are drawn and judged."""
+"""Fly the undisturbed flight, to which the others are compared."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from ares_trials.faults.scene import Scene
 
 @dataclass(frozen=True)
 class Control:
-    """What is known of it.
+    """Hold the key figures of the undisturbed flight.
 
     Attributes:
         begin_s: flight time at its begin.
         jettison_s: of its fairing.
         cutoff_s: of its engine.
-        mass_kg: at its end; the graph flies it to the last bit.
+        mass_kg: at its end; reproduced bit for bit by the graph.
     """
 
     begin_s: float
@@ -29,10 +29,10 @@ class Control:
 
     @classmethod
     def of(cls, summary: Mapping[str, Any]) -> Self:
-        """Of what `ares fly --json` prints.
+        """Read the figures from the output of `ares fly --json`.
 
         Raises:
-            CannotStart: it is no flight to the target; one line.
+            CannotStart: it did not reach the target; one line.
         """
         if summary.get("outcome") != Outcome.TARGET or summary["shortcomings"]:
             reasons = "; ".join(summary.get("shortcomings", ["no summary"]))
@@ -44,7 +44,7 @@ class Control:
 
 @cache
 def undisturbed() -> Control:
-    """Fly it, once in a process.
+    """Fly the undisturbed flight, once per process.
 
     Raises:
         CannotStart: it does not reach the target; one line.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An optimizer that is wrong: nonsense, or a plan for another vehicle.
+"""Answer wrongly in place of the optimizer: nonsense, or a plan for another vehicle.
 
 python -m ares_trials.faults.false_optimizer --ros-args ... -p kind:=nonsense -p seed:=7
 """
@@ -17,7 +17,7 @@ from ares_optimizer.node import OptimizerNode
 from ares_optimizer.worker import Job
 
 NONSENSE, WRONG_PLAN, ANOTHER_VEHICLE = KINDS = ("nonsense", "wrong plan", "another vehicle")
-#: Lists of an answer that guidance reads, none of which can be zero or huge.
+#: Lists in an answer that guidance reads; valid values are neither all zero nor huge.
 LISTS = ("arc_start_time", "arc_end_time", "arc_start_mass", "steering_direction")
 PARAMETERS = (
     Parameter("kind", NONSENSE, "What is wrong.", choices=KINDS),
@@ -26,14 +26,14 @@ PARAMETERS = (
 
 
 class FalseOptimizer(OptimizerNode):
-    """Solves what it was asked, and answers something else."""
+    """Solve the request and return a wrong answer."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(PARAMETERS, **kwargs)
 
     def _solve(self, job: Job) -> Any:
         if self.values["kind"] == ANOTHER_VEHICLE:
-            # its node's own mission
+            # solve for the node's own mission
             job.request.mission = job.request.mission_text = job.request.method = ""
             job.request.use_nav_state = False
             return super()._solve(job)
@@ -44,7 +44,7 @@ class FalseOptimizer(OptimizerNode):
 
 
 def spoil(answer: Any, rng: Generator) -> None:
-    """Make one list of an answer, or its cut-off, what cannot be any plan's."""
+    """Replace one list of an answer, or its cut-off, by values that are impossible in any plan."""
     name = str(rng.choice(LISTS))
     values = np.array(getattr(answer, name))
     kind = rng.integers(5)
@@ -62,7 +62,7 @@ def spoil(answer: Any, rng: Generator) -> None:
 
 
 def distort(answer: Any, rng: Generator) -> None:
-    """Make one list of an answer, and its cut-off, that of a plan which is wrong by anything."""
+    """Distort one list of an answer, and its cut-off, to that of a plausible but wrong plan."""
     name = str(rng.choice(LISTS))
     values = np.array(getattr(answer, name))
     kind = rng.integers(4)

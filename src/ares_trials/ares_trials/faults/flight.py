@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight of one trial, as `ares fly --json` flies it: python -m ares_trials.faults.flight.
+"""Fly one trial as `ares fly --json` does: python -m ares_trials.faults.flight.
 
 The one argument is a JSON object: `options` of FlyOptions, `modules` in place of the nodes' own.
 """
@@ -14,7 +14,7 @@ from ares_bringup.summary import EXIT_CANNOT_START
 
 
 def main() -> int:
-    """Fly; the summary is one JSON object on standard output."""
+    """Fly; print the summary as one JSON object."""
     given = json.loads(sys.argv[1])
     options = given["options"]
     if "bag" in options:

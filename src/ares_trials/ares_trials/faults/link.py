@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A link between simulator and guidance that takes time and loses messages.
+"""Simulate a link with latency and loss between simulator and guidance.
 
-In lock-step it is counted in flight time: the simulator waits until the link has handed on what is
-there by then, so a flight is the same on every machine, at any pace. In real time (`wall`) it is
-counted by the clock on the wall. Nothing overtakes: reliable DDS keeps the order too.
+In lock-step, times are flight time: the simulator waits until the link has delivered everything due
+by then, so a flight is the same on every machine, at any pace. In real time (`wall`) they are
+wall-clock time. Messages keep their order, as in reliable DDS.
 
-python -m ares_trials.faults.link --ros-args ... puts it into a flight of other processes.
+python -m ares_trials.faults.link --ros-args ... inserts it into a flight of other processes.
 """
 
 import sys
@@ -26,18 +26,18 @@ from ares_node.parameters import Parameter
 from ares_node.run import run_node
 from ares_trials.faults.relay import Relay
 
-#: Wall time in s between looks at what is due.
+#: Wall time in s between two deliveries.
 LOOK_PERIOD = 0.0005
 
 
 @dataclass(frozen=True)
 class LinkOptions:
-    """Hold the figures of a link: latency, jitter and loss of each message, either way.
+    """Hold the parameters of a link, equal in both directions.
 
     Attributes:
-        latency_s: time that each takes, s.
-        jitter_s: what it may take longer, uniformly distributed, s.
-        loss: share that never arrives.
+        latency_s: delay of each message, s.
+        jitter_s: largest additional delay, uniformly distributed, s.
+        loss: fraction of the messages lost.
         seed: of jitter and loss.
         wall: times are of the wall clock, not of the flight.
     """
@@ -49,23 +49,23 @@ class LinkOptions:
     wall: bool = False
 
 
-class Way:
-    """One direction, first in, first out.
+class DelayLine:
+    """Delay the messages of one direction, first in, first out.
 
     Attributes:
-        lost: messages that never arrive.
-        carried: the others.
+        lost: number of messages lost.
+        carried: number of the others.
     """
 
     def __init__(self, options: LinkOptions, rng: Generator) -> None:
-        """Carry nothing yet."""
+        """Start empty."""
         self.lost = self.carried = 0
         self._options = options
         self._rng = rng
         self._under_way: deque[tuple[float, Any]] = deque()
 
     def send(self, now: float, message: Any) -> None:
-        """Take a message at a time in s."""
+        """Accept a message at a time in s."""
         options = self._options
         lost, late = self._rng.random(2)
         if lost < options.loss:
@@ -78,16 +78,16 @@ class Way:
         self._under_way.append((arrival, message))
 
     def arrived(self, now: float) -> list[tuple[float, Any]]:
-        """Return what has arrived by a time in s, with the time at which it did."""
+        """Return the messages that have arrived by a time in s, with their arrival times."""
         found = []
-        # a nanosecond: times are sums of decimal fractions
+        # 1 ns of tolerance for rounding
         while self._under_way and self._under_way[0][0] <= now + 1e-9:
             found.append(self._under_way.popleft())
         return found
 
 
 class Link(Relay):
-    """Carries states up and commands down, the first of each at once: they are before the flight.
+    """Carry states up and commands down; the first of each at once, since they precede the flight.
 
     Attributes:
         up: from the simulator to guidance.
@@ -98,10 +98,10 @@ class Link(Relay):
         """Create the endpoints on a node."""
         super().__init__(node)
         rngs = np.random.default_rng(options.seed).spawn(2)
-        self.up, self.down = (Way(options, rng) for rng in rngs)
+        self.up, self.down = (DelayLine(options, rng) for rng in rngs)
         self._wall = options.wall
         self._in_force: ThrustCommand | None = None
-        #: states on their way up to guidance, whose answers are awaited, and when they arrived
+        #: arrival time and CDR of states whose answers are awaited
         self._to_answer: deque[tuple[float, bytes]] = deque()
 
     def _hand_on(self, data: bytes) -> None:
@@ -116,7 +116,7 @@ class Link(Relay):
         self._go_on()
 
     def _go_on(self) -> None:
-        """Ask guidance for the next answer; with all of them, hand on what is there by now."""
+        """Send guidance the next state to answer; without one, deliver the command in force."""
         if self._to_answer:
             self.states.take(self.now, self._to_answer[0][1])
             return
@@ -140,7 +140,7 @@ class Link(Relay):
         self._go_on()
 
     def look(self) -> None:
-        """Hand on what has arrived by the wall clock."""
+        """Deliver the messages due by the wall clock."""
         now = time.monotonic()
         for _, data in self.up.arrived(now):
             self.states.take(now, data)
@@ -157,24 +157,24 @@ PARAMETERS = (
 
 
 class LinkNode(FlightNode):
-    """A link of real time, in the first flight that it hears of."""
+    """Run a real-time link in the first flight heard."""
 
     def __init__(self, **kwargs: Any) -> None:
         """Declare the parameters."""
         super().__init__("link", parameters=PARAMETERS, **kwargs)
 
     def configure(self) -> None:
-        """Make both ends."""
+        """Create the link."""
         self._link = Link(
             self, LinkOptions(**{p.name: self.values[p.name] for p in PARAMETERS}, wall=True)
         )
 
     def activate(self) -> None:
-        """Carry what comes."""
+        """Start delivering."""
         self._timer = self.wall_timer(LOOK_PERIOD, self._look)
 
     def deactivate(self) -> None:
-        """Carry nothing."""
+        """Stop delivering."""
         self.destroy_timer(self._timer)
 
     def cleanup(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node between simulator and guidance: it hands on what each says, or does worse."""
+"""Relay messages between simulator and guidance, and tamper with them."""
 
 import math
 from collections.abc import Callable
@@ -14,27 +14,27 @@ from ares_node.qos import FLIGHT, NAV_STATE, THRUST_COMMAND
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS
 
-#: Where guidance is on the other side.
+#: Namespace of guidance's topics beyond the relay.
 BEYOND = "relayed/"
-#: ROS arguments by which guidance is there, and by which the simulator waits for the relay.
+#: ROS arguments that put guidance beyond the relay and make the simulator wait for the relay.
 GUIDANCE_ARGUMENTS = tuple(
     word for name in (NAV_STATE, THRUST_COMMAND) for word in ("-r", f"{name}:={BEYOND}{name}")
 )
 SIMULATOR_ARGUMENTS = ("-p", "expected_judges:=2")
 
-#: What becomes of a message at a flight time in s: copies, each with its delay in s.
+#: Maps flight time in s and a message to its copies, each with its delay in s.
 Tamper = Callable[[float, Any], list[tuple[float, Any]]]
 
 
 class Channel:
-    """One direction.
+    """Carry the messages of one direction.
 
     Attributes:
-        tamper: what is done to messages; None: nothing.
-        begin: flight time from which on it is done, s.
-        end: up to which, s.
-        after: what is late follows what is newer instead of going before it.
-        touched: messages that were not just handed on.
+        tamper: applied to messages; None: none.
+        begin: first flight time at which it applies, s.
+        end: flight time at which it ends, s.
+        after: deliver late messages after newer ones instead of before.
+        touched: number of messages tampered with.
     """
 
     def __init__(self, out: Publisher) -> None:
@@ -47,7 +47,7 @@ class Channel:
         self._late: list[tuple[float, Any]] = []
 
     def take(self, now: float, message: Any) -> None:
-        """A message of a flight time in s."""
+        """Forward a message at a flight time in s, tampered with if due."""
         fates = [(0.0, message)]
         if self.tamper is not None and self.begin <= now < self.end:
             fates = self.tamper(now, message)
@@ -59,7 +59,7 @@ class Channel:
                 self._out.publish(copy)
 
     def release(self, now: float) -> None:
-        """Hand on what has been kept long enough."""
+        """Forward the delayed messages that are due at a flight time in s."""
         due = [copy for at, copy in self._late if at <= now]
         self._late = [(at, copy) for at, copy in self._late if at > now]
         for copy in due:
@@ -67,22 +67,22 @@ class Channel:
 
 
 class Relay:
-    """Takes part in the flight as a judge: the simulator waits until it hears both sides.
+    """Join the flight as a judge, so that the simulator waits for both sides.
 
     Attributes:
         now: flight time of the newest navigation state, s.
         states: from the simulator.
         commands: from guidance.
         last_command: the newest command; None before the first.
-        hold_at: flight time in s from which on the next state is kept until `let_go`.
-        on_command: called with each command before it is handed on.
+        hold_at: flight time in s from which the next state is withheld until `let_go`.
+        on_command: called with each command before it is forwarded.
     """
 
     def __init__(self, node: Node) -> None:
         """Create the endpoints.
 
         Args:
-            node: on which.
+            node: owner of the endpoints.
         """
         self.now = -math.inf
         self.hold_at = math.inf
@@ -99,29 +99,29 @@ class Relay:
 
     @property
     def holding(self) -> bool:
-        """A state is kept, and the simulator waits for its answer."""
+        """Return whether a state is withheld, so that the simulator waits for its answer."""
         return self._held is not None
 
     def let_go(self, hold_at: float = math.inf) -> None:
-        """Hand on what is kept, and keep none before another flight time in s."""
+        """Forward the state withheld, and withhold none before another flight time in s."""
         data, self._held, self.hold_at = self._held, None, hold_at
         if data is not None:
             self._hand_on(data)
 
     def changed(self, data: bytes, change: Callable[[Any], None]) -> bytes:
-        """A state as bytes with its record changed."""
+        """Return a serialized state with its record changed."""
         stamp, flight_id, sequence, record = self._message.read(data)
         record = record.copy()
         change(record)
         return self._message.data(stamp, flight_id, sequence, record)
 
     def restamped(self, data: bytes, stamp_ns: int) -> bytes:
-        """A state as bytes with another stamp, ns."""
+        """Return a serialized state with another stamp, ns."""
         _, flight_id, sequence, record = self._message.read(data)
         return self._message.data(stamp_ns, flight_id, sequence, record)
 
     def _on_member(self, _member: FlightMember) -> None:
-        self.membership.witness()
+        self.membership.agree_as_observer()
 
     def _on_state(self, data: bytes) -> None:
         stamp, flight_id, _, _ = self._message.read(data)

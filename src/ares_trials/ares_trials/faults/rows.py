@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rows of the campaign as data: what is done, and what is expected of the flight then."""
+"""Define the rows of the campaign: faults, and expected behaviour of the flight."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,9 +11,9 @@ from numpy.random import Generator
 from ares_bringup.keeper import OPTIMIZER, SIMULATOR
 from ares_node.membership import Role, State
 from ares_trials.faults import acts, signals
-from ares_trials.faults.scene import Flown, Scene
+from ares_trials.faults.scene import FlightResult, Scene
 
-#: Of a simulator that shall not wait long for answers that were lost on purpose.
+#: Arguments of a simulator that must not wait long for lost answers.
 IMPATIENT = {SIMULATOR: ("-p", "command_timeout_s:=0.1")}
 RECORDED = {"record": True, "bag": "bag"}
 FALSE_OPTIMIZER = {OPTIMIZER: "ares_trials.faults.false_optimizer"}
@@ -21,23 +21,23 @@ FALSE_OPTIMIZER = {OPTIMIZER: "ares_trials.faults.false_optimizer"}
 
 @dataclass(frozen=True)
 class Row:
-    """One kind of fault.
+    """Define one kind of fault.
 
     Attributes:
-        name: short; what the table says.
-        expected: of the flight, for people.
-        act: does it to a flight, at random.
-        says: each must be found in what the flight says, if the fault came about.
-        statuses: exit statuses of a flight to the target that are honest.
-        by_relay: it is done to messages, and by chance to none: then nothing is to be seen.
-        unaffected: the flight ends with the very mass of one without the fault.
+        name: short, for the table.
+        expected: behaviour of the flight, for people.
+        act: injects the fault, at random.
+        says: texts that the flight must report if the fault took effect.
+        statuses: valid exit statuses of a flight that reaches the target.
+        by_relay: the fault acts on messages and may by chance affect none; then it has no effect.
+        unaffected: the flight ends with exactly the mass of the undisturbed one.
         options: of the flight.
         arguments: of its nodes.
         modules: in place of its nodes.
-        drawn: node that gets a seed; empty: none.
-        after: looks at what is left; a complaint, or nothing.
-        program: what flies.
-        alone: the whole trial, without a flight to look at; a complaint, or nothing.
+        drawn: node that gets a seed; "": none.
+        after: checks the remains; returns a complaint or "".
+        program: module that flies.
+        alone: runs the whole trial without a watched flight; returns a complaint or "".
     """
 
     name: str
@@ -51,7 +51,7 @@ class Row:
     arguments: Mapping[str, Sequence[str]] = field(default_factory=dict)
     modules: Mapping[str, str] = field(default_factory=dict)
     drawn: str = ""
-    after: Callable[[Scene, Flown], str] = lambda _scene, _flown: ""
+    after: Callable[[Scene, FlightResult], str] = lambda _scene, _flown: ""
     program: str = "ares_trials.faults.flight"
     alone: Callable[[Generator], str] | None = None
 
@@ -64,7 +64,7 @@ CHANNELS = {"navigation": "states", "commands": "commands"}
 
 
 def _links() -> list[Row]:
-    """Messages lost, doubled, late, out of order; up to a tenth of them, and half."""
+    """List lost, doubled, late and reordered messages; up to a tenth of them, and half."""
     rows = []
     for what, channel in CHANNELS.items():
         for kind in ("lost", "doubled", "delayed", "re-ordered"):
@@ -128,7 +128,7 @@ def _commands() -> list[Row]:
     ]
 
 
-#: What is forged, by what a row says.
+#: Forged messages by name in a row.
 FORGERIES: Mapping[str, acts.Act] = {
     "guidance has left": acts.forge_word(Role.GUIDANCE, State.LEFT),
     "guidance is through": acts.forge_word(Role.GUIDANCE, State.OVER),
@@ -139,7 +139,7 @@ FORGERIES: Mapping[str, acts.Act] = {
 
 
 def _forged() -> list[Row]:
-    """Words in the name of others, in a flight without a key and in one with it."""
+    """List the forged messages, in a flight without a key and in one with a key."""
     return [
         Row(
             f"forged, {where}: {name}",

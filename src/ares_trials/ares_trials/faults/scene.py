@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real flight in processes of its own, looked at and touched from outside."""
+"""Run a real flight in processes of its own, observed and disturbed from outside."""
 
 import json
 import os
@@ -33,30 +33,29 @@ from ares_node.key import new_key
 from ares_node.membership import AGREED, Role
 from ares_trials.faults.relay import GUIDANCE_ARGUMENTS, SIMULATOR_ARGUMENTS, Relay
 
-#: Names the processes of a trial in their environment.
+#: Environment variable that marks the processes of a trial.
 MARK = "ARES_FAULT_TRIAL"
-#: Wall time in s after which whatever a trial waits for does not come any more.
+#: Wall time in s after which a trial stops waiting.
 PATIENCE = 120.0
-#: Wall time in s for processes that were told to end to be gone.
+#: Wall time in s for processes to end.
 LEFT_TIMEOUT = 5.0
 LOOK_PERIOD = 0.01
-#: What is flown: Ares V with a navigation state each second, as campaigns do.
+#: Options of the flight: Ares V with a navigation state each second, as in campaigns.
 FLOWN: Mapping[str, Any] = {"mission": "ares_v", "record": False, "navigation_period_s": 1.0}
 
 
 @dataclass
-class Flown:
-    """What came of the flight.
+class FlightResult:
+    """Hold the result of the flight.
 
     Attributes:
         status: exit status; None: it hung and was killed.
-        summary: what `ares fly --json` prints; empty if nothing came.
+        summary: output of `ares fly --json`; empty without output.
         said: standard error.
-        touched: messages that the relay did not just hand on.
+        touched: number of messages that the relay tampered with.
         left: command lines of processes that outlived it.
-        facts: what else a row has found out: besides what it looks at itself, `must_reach` and
-            `can_be_told` (True unless it says otherwise), and what takes the place of `says` and
-            `unaffected` of the row.
+        facts: findings of the row: inputs of its own checks, `must_reach` and `can_be_told` (both
+            default to True), and replacements of the row's `says` and `unaffected`.
     """
 
     status: int | None
@@ -68,11 +67,11 @@ class Flown:
 
 
 def marked(mark: str) -> dict[int, str]:
-    """Processes of a trial that run: command lines by process id."""
+    """Return the running processes of a trial: command line by process id."""
     found = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
-            # it may have ended meanwhile, or be another user's
+            # the process may have ended, or belong to another user
             with suppress(OSError):
                 if f"{MARK}={mark}".encode() in (entry / "environ").read_bytes():
                     words = (entry / "cmdline").read_bytes().replace(b"\0", b" ")
@@ -81,7 +80,7 @@ def marked(mark: str) -> dict[int, str]:
 
 
 def leftovers(mark: str) -> list[str]:
-    """Processes of a trial that do not end; they are killed."""
+    """Kill the processes of a trial that do not end; return their command lines."""
     deadline = time.monotonic() + LEFT_TIMEOUT
     while (found := marked(mark)) and time.monotonic() < deadline:
         time.sleep(LOOK_PERIOD)
@@ -92,13 +91,13 @@ def leftovers(mark: str) -> list[str]:
 
 
 class Scene:
-    """One flight with a relay in it. The flight holds wherever the script of a row wants it to.
+    """Run one flight with a relay in it, which a row can hold at any flight time.
 
     Attributes:
-        folder: of files; removed in the end.
+        folder: temporary folder for files.
         relay: between simulator and guidance.
         node: for further endpoints.
-        facts: what a row wants to be judged by besides the flight.
+        facts: findings of the row, see `FlightResult`.
     """
 
     def __init__(
@@ -109,14 +108,14 @@ class Scene:
         program: str = "ares_trials.faults.flight",
         relay: Callable[[Node], Relay] = Relay,
     ) -> None:
-        """Nothing runs yet.
+        """Prepare the flight; start nothing.
 
         Args:
             options: of FlyOptions, besides FLOWN; a bag is a name in `folder`.
-            arguments: further ones of nodes.
+            arguments: further command-line arguments of nodes.
             modules: in place of the nodes' own.
             program: module that flies.
-            relay: makes what is between simulator and guidance.
+            relay: makes the relay between simulator and guidance.
         """
         self._make_relay = relay
         self._program = program
@@ -132,7 +131,7 @@ class Scene:
         self._held = ExitStack()
 
     def __enter__(self) -> Self:
-        """Begin the flight; the relay makes it wait for itself."""
+        """Start the flight, which waits for the relay."""
         held = self._held
         apply_discovery_settings()
         self.folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="ares-fault-")))
@@ -157,7 +156,7 @@ class Scene:
         held.callback(self.node.destroy_node)
         self.executor.add_node(self.node)
         if self._options.get("sealed"):
-            # the relay is one of those who have it
+            # the relay needs the key too
             held.enter_context(new_key())
         self.relay = self._make_relay(self.node)
         if "bag" in self._options:
@@ -184,22 +183,22 @@ class Scene:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End whatever still runs; what is killed cannot clear its shared memory."""
+        """End all processes and remove their shared memory, which killed ones leave."""
         mapped = shared_memory(marked(self._mark))
         self._out.close()
         self._said.close()
         self._held.close()
         clear(mapped - shared_memory(all_pids()))
 
-    # ---- looking
+    # ---- observation
 
     @property
     def bag(self) -> Path:
-        """Folder of the bag."""
+        """Return the folder of the bag."""
         return Path(self._options["bag"])
 
     def spin(self, until: Callable[[], bool], timeout: float = PATIENCE) -> bool:
-        """Let the flight go on until something is so; False if it ended, or never was."""
+        """Spin until a condition holds; return False if the flight or the time ended before."""
         deadline = time.monotonic() + timeout
         while not until():
             if self.process.poll() is not None or time.monotonic() > deadline:
@@ -208,35 +207,35 @@ class Scene:
         return True
 
     def fly_to(self, time_s: float) -> bool:
-        """Let it fly to the first navigation state at or after a flight time, and hold it there."""
+        """Fly to the first navigation state at or after a flight time, and hold there."""
         self.relay.let_go(time_s)
         return self.spin(lambda: self.relay.holding)
 
     def fly_past(self, time_s: float) -> bool:
-        """Let it fly by a flight time."""
+        """Fly on until a flight time has passed."""
         self.relay.let_go()
         return self.spin(lambda: self.relay.now >= time_s)
 
     def pid(self, name: str) -> int:
-        """Process id of a node; 0 if it does not run."""
+        """Return the process id of a node; 0 if it does not run."""
         word = MODULES[name]
         pids = [pid for pid, line in marked(self._mark).items() if f"child {word} " in line]
         return pids[0] if pids else 0
 
     def guidances(self) -> set[int]:
-        """Identities of the guidances that have agreed to the flight and not left it."""
+        """Return the identities of the guidances that are in the flight."""
         ready = self.relay.membership.others(Role.GUIDANCE, *AGREED)
         return {int(member.member_id) for member in ready}
 
-    # ---- touching
+    # ---- intervention
 
     def keep(self, process: subprocess.Popen[bytes]) -> None:
-        """End another process with the trial."""
+        """Kill another process at the end of the trial."""
         self._held.callback(process.wait)
         self._held.callback(process.kill)
 
     def signal(self, name: str, number: int) -> None:
-        """Send a signal to a node that runs."""
+        """Send a signal to a node if it runs."""
         pid = self.pid(name)
         if pid:
             os.kill(pid, number)
@@ -253,8 +252,8 @@ class Scene:
         finally:
             self.node.destroy_client(client)
 
-    def finish(self, timeout: float = PATIENCE) -> Flown:
-        """Let the flight come to its end, for so many s of wall time; what came of it."""
+    def finish(self, timeout: float = PATIENCE) -> FlightResult:
+        """Let the flight end within `timeout` s of wall time, else kill it; return the result."""
         self.relay.let_go()
         ended = self.spin(lambda: False, timeout) or self.process.poll() is not None
         if not ended:
@@ -264,7 +263,7 @@ class Scene:
         self._out.seek(0)
         self._said.seek(0)
         text = self._out.read()
-        return Flown(
+        return FlightResult(
             self.process.returncode if ended else None,
             json.loads(text) if text else {},
             self._said.read(),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SIGINT and SIGTERM at any moment of every verb that takes a while."""
+"""Send SIGINT and SIGTERM at random moments to every long-running verb."""
 
 import atexit
 import os
@@ -24,12 +24,12 @@ from ares_bringup.held import SHARED, all_pids, shared_memory
 from ares_node.domains import claimed_domain
 from ares_trials.faults.scene import MARK, leftovers, marked
 
-#: Time in s for a command to end after a signal, as the machine gives it; see `Given`.
+#: Time in s for a command to end after a signal, corrected for the machine's load; see `Given`.
 END_WITHIN = 2.0
 #: Wall time in s after which a command that does not end is killed.
 HUNG_AFTER = 60.0
-#: Wall time in s in which the signal comes, counted from when the command takes signals; and of
-#: one that is over soon.
+#: Wall time in s within which the signal is sent, after the command has its handlers; the same for
+#: a short command.
 MOMENTS = 5.0
 SOON = 1.0
 LOOK_PERIOD = 0.005
@@ -37,14 +37,14 @@ LOOK_PERIOD = 0.005
 
 @dataclass(frozen=True)
 class Verb:
-    """A command line that runs for a while.
+    """Hold a command line that runs for a while.
 
     Attributes:
         words: after `ares`; {bag} is a bag to read, {torn} one without an end, {new} a name in a
             new folder.
-        terminated: exit statuses after SIGTERM; a flight that has begun takes it for an
+        terminated: exit statuses after SIGTERM; a flight that has begun treats it as an
             interruption.
-        moments: wall time in s in which the signal comes.
+        moments: wall time in s within which the signal is sent.
     """
 
     words: tuple[str, ...]
@@ -83,7 +83,7 @@ VERBS = {
 
 @cache
 def _a_bag() -> Path:
-    """A bag to read; removed with this process."""
+    """Record a bag to read, removed at the end of this process."""
     folder = Path(tempfile.mkdtemp(prefix="ares-fault-bag-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     bag = folder / "bag"
@@ -95,7 +95,7 @@ def _a_bag() -> Path:
 
 
 def _a_torn_bag() -> Path:
-    """A bag that breaks off."""
+    """Make a bag without its last third."""
     torn = _a_bag().with_name("torn")
     if not torn.exists():
         shutil.copytree(_a_bag(), torn)
@@ -105,18 +105,17 @@ def _a_torn_bag() -> Path:
 
 
 class Given:
-    """Time as the machine gives it to some processes: slower, while others keep its cores.
+    """Measure the time for which a machine under load serves some processes.
 
-    With n threads of them and m of others that can run on c cores, each gets c / (n + m) of a core
-    where it would get c / n alone, or all of one. A machine where no other thread can run gives
-    wall time.
+    With n runnable threads of theirs and m of others on c cores, each thread gets c / (n + m) of a
+    core instead of c / n, or of a whole one. Without other runnable threads this is wall time.
 
     Attributes:
-        time_s: so far.
+        time_s: time so far, s.
     """
 
     def __init__(self, pids: Sequence[int]) -> None:
-        """Begin.
+        """Start measuring.
 
         Args:
             pids: of the processes.
@@ -127,22 +126,22 @@ class Given:
         self._now = time.monotonic()
 
     def look(self) -> None:
-        """Count the time since the last look."""
+        """Add the time since the last call."""
         now = time.monotonic()
         own = _runnable(self._pids)
-        # all of the machine, this thread among them
+        # all runnable threads of the machine, without this one
         others = int(Path("/proc/loadavg").read_text().split()[3].partition("/")[0]) - 1 - own
         self.time_s += (now - self._now) / slowed(own, max(others, 0), self._cores)
         self._now = now
 
 
 def slowed(own: int, others: int, cores: int) -> float:
-    """How many times longer threads take for others that can run too.
+    """Return the factor by which other runnable threads slow some threads down.
 
     Args:
-        own: of them that can run.
-        others: that can run.
-        cores: that they share.
+        own: number of these threads that are runnable.
+        others: number of other runnable threads.
+        cores: number of shared cores.
     """
     if not own:
         return 1.0
@@ -150,18 +149,18 @@ def slowed(own: int, others: int, cores: int) -> float:
 
 
 def _runnable(pids: Sequence[int]) -> int:
-    """Threads of some processes that run or could."""
+    """Count the runnable threads of some processes."""
     count = 0
     for pid in pids:
         for task in Path(f"/proc/{pid}/task").glob("[0-9]*"):
-            # it may have ended meanwhile
+            # the thread may have ended
             with suppress(OSError):
                 count += (task / "stat").read_text().rpartition(")")[2].split()[0] == "R"
     return count
 
 
 def interrupt(name: str, rng: Generator) -> str:
-    """Start a verb, send it a signal at a random moment; what was wrong, or nothing.
+    """Start a verb and send it a signal at a random moment; return a complaint or "".
 
     Args:
         name: of VERBS.
@@ -204,7 +203,7 @@ def interrupt(name: str, rng: Generator) -> str:
             return f"{complaint}: {output.strip()[-200:]}"
         if "Traceback" in output:
             return f"a traceback: {output.strip()[-300:]}"
-        # what somebody else has left there is mapped too, or used on
+        # files left by others may be mapped too, or in use
         kept = {path for path in mapped - before if Path(path).exists()}
         left += sorted(kept - shared_memory(all_pids()))
         if left:
@@ -219,10 +218,10 @@ def interrupt(name: str, rng: Generator) -> str:
 def _end(
     process: "subprocess.Popen[bytes]", number: int, moment: float, mark: str
 ) -> tuple[str, set[str]]:
-    """Send the signal when it is time, and wait for the end.
+    """Send the signal at its moment and wait for the end.
 
     Returns:
-        What was wrong, or nothing; the files in shared memory that its processes had mapped.
+        A complaint or ""; the files in shared memory that its processes had mapped.
     """
     while not _takes_signals(process.pid) and process.poll() is None:
         time.sleep(LOOK_PERIOD)
@@ -247,7 +246,7 @@ def _end(
 
 
 def _takes_signals(pid: int) -> bool:
-    """Whether Python's own start is over, in which no program can do anything about a signal."""
+    """Tell whether a process has a handler, so that Python's own start-up is over."""
     try:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:
@@ -257,7 +256,7 @@ def _takes_signals(pid: int) -> bool:
 
 
 def _unreadable(bag: Path) -> str:
-    """What is wrong with a bag, if there is one."""
+    """Describe the faults of a bag; "" if it has none or does not exist."""
     if not bag.exists():
         return ""
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One trial: a fault of a row, drawn by a seed, and what the flight came to under it."""
+"""Run one trial: a fault of a row, drawn by a seed, and its judgement."""
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -10,14 +10,14 @@ import numpy as np
 
 from ares_trials.faults.control import Control, undisturbed
 from ares_trials.faults.rows import ROWS, Row
-from ares_trials.faults.scene import Flown, Scene
+from ares_trials.faults.scene import FlightResult, Scene
 
-#: Ends of a flight that has diverged, or come to none.
+#: Outcomes of a flight that has diverged or not ended.
 DIVERGED = ("impact", "incomplete", "interrupted", "time_limit")
 
 
 class Class(StrEnum):
-    """What a trial came to."""
+    """Name the classes of results."""
 
     SURVIVED = "survived"
     DEGRADED = "degraded"
@@ -26,14 +26,14 @@ class Class(StrEnum):
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial and its result.
+    """Hold one trial and its result.
 
     Attributes:
         row: name of the row.
         seed: of the campaign.
         number: of the trial in its row.
-        result: what it came to.
-        why: one line; empty if it survived.
+        result: value of `Class`.
+        why: reason, one line; "" if it survived.
     """
 
     row: str
@@ -43,21 +43,21 @@ class Trial:
     why: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """For a file."""
+        """Return the trial as a JSON object."""
         return asdict(self)
 
 
 def run(name: str, seed: int, number: int, control: Control | None = None) -> Trial:
-    """Fly one trial.
+    """Run one trial.
 
     Args:
         name: of a row.
         seed: of the campaign.
         number: of the trial in its row.
-        control: the flight without a fault; None: it is flown first.
+        control: the undisturbed flight; None: fly it first.
     """
     row = next(row for row in ROWS if row.name == name)
-    # by its name: a row that is added changes no other
+    # seeded by the row's name, so that a new row changes no other
     rng = np.random.default_rng([seed, crc32(name.encode()), number])
     if row.alone is not None:
         why = row.alone(rng)
@@ -75,8 +75,8 @@ def run(name: str, seed: int, number: int, control: Control | None = None) -> Tr
     return Trial(name, seed, number, result.value, why)
 
 
-def judge(row: Row, flown: Flown, control: Control) -> tuple[Class, str]:
-    """What a flight came to, and why it did not survive; by nothing that hangs on the machine."""
+def judge(row: Row, flown: FlightResult, control: Control) -> tuple[Class, str]:
+    """Classify a flight with the reason, independent of the machine's speed."""
     wrong = _unclean(flown) or _unsaid(row, flown, control)
     if wrong:
         return Class.WRONG, wrong
@@ -90,8 +90,8 @@ def judge(row: Row, flown: Flown, control: Control) -> tuple[Class, str]:
     return Class.DEGRADED, why
 
 
-def _unclean(flown: Flown) -> str:
-    """What no flight may do, whatever happens to it; empty if it did not."""
+def _unclean(flown: FlightResult) -> str:
+    """Return the violated invariant of every flight, or ""."""
     if flown.status is None:
         return "hung"
     if "Traceback" in flown.said:
@@ -103,8 +103,8 @@ def _unclean(flown: Flown) -> str:
     return ""
 
 
-def _unsaid(row: Row, flown: Flown, control: Control) -> str:
-    """What the flight should have said of the fault, and did not; empty if it did."""
+def _unsaid(row: Row, flown: FlightResult, control: Control) -> str:
+    """Return the missing report of the fault, or the wrong status or mass; "" if all is right."""
     summary = flown.summary
     on_target = summary["outcome"] == "target"
     came_about = flown.touched or not row.by_relay

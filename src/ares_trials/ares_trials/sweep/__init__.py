@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every value that a schema allows or forbids, tried: flown, solved, or refused in one line."""
+"""Try every value that a schema allows or forbids: fly it, solve it, or refuse it in one line."""

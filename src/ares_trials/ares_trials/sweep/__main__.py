@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole sweep: every input, everything done with it. Exit status 1: something broke.
+"""Run the whole sweep: every input with every action. Exit status 1: something broke.
 
 python -m ares_trials.sweep
 """
@@ -13,7 +13,7 @@ from ares_trials.sweep.pool import attempt_all
 
 
 def main() -> int:
-    """Try, print what broke and how much was tried."""
+    """Run the sweep; print failures and counts."""
     begun = time.monotonic()
     todo = [task for kind in ACTIONS for task in tasks(kind, all_inputs(kind), everything=True)]
     results = list(attempt_all(todo, warm_up()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is done with an input: read, flown by each law, solved by each method, in a campaign."""
+"""Try an input: read it, fly it by each law, solve it by each method, run a campaign."""
 
 import io
 import json
@@ -27,19 +27,19 @@ from ares_vehicle_sim.simulator import SimulatorOptions
 MISSION = "mission"
 DISPERSIONS = "dispersions"
 
-#: Mission under the dispersions that are tried.
+#: Mission for the dispersions tried.
 DISPERSED_MISSION = "ares_v"
 
-#: Of a search that is not to end by itself, s.
+#: Arguments that bound a search, s.
 TIME_LIMIT = ("--time-limit", "3")
-#: Of a plan, s.
+#: Time limit of a plan, s.
 PLAN_LIMIT_S = 3.0
 
-#: Navigation states of a flight are so far apart, s, and so many at most.
+#: Navigation period of a flight, s; most navigation states.
 NAVIGATION_PERIOD_S = 0.1
 MOST_STATES = 50_000
 
-#: What a line on standard error begins with that changes nothing.
+#: Beginning of a line on standard error that is a warning only.
 WARNING = "ares: warning: "
 
 REFUSED = "refused"
@@ -48,14 +48,14 @@ BROKEN = "broken"
 
 
 class Broken(Exception):
-    """What no input may bring about; the text is one line."""
+    """Report in one line a result that no input may cause."""
 
 
 def _one_line(text: str) -> str:
-    """The text of a refusal.
+    """Return the text of a refusal, checked.
 
     Raises:
-        Broken: it is not one line for a person.
+        Broken: it is not one readable line.
     """
     bare = text.removesuffix("\n")
     if not bare or not bare.isprintable() or "Traceback" in bare or "pydantic" in bare:
@@ -64,7 +64,7 @@ def _one_line(text: str) -> str:
 
 
 def read(kind: str, path: Path) -> str:
-    """Read a file; a refusal is one line."""
+    """Read a file; return its refusal, if any, in one line."""
     try:
         (load_mission if kind == MISSION else load_dispersions)(path)
     except InputError as error:
@@ -79,7 +79,7 @@ def fly(law_name: str, path: Path) -> str:
         law = ready_law(mission, law_name, time_limit_s=PLAN_LIMIT_S)
     except (InputError, OptimizerError, ValueError) as error:
         return f"{REFUSED}: {_one_line(str(error))}"
-    # seldom in a flight of days: what is tried is whether it ends
+    # rarely in a flight of days, which is only tested to end
     seldom = max(NAVIGATION_PERIOD_S, longest_flight(mission) / MOST_STATES)
     plant = fly_compiled(mission, SimulatorOptions(seldom, seldom), law=law).plant
     for name in ("time", "position", "velocity", "mass"):
@@ -91,7 +91,7 @@ def fly(law_name: str, path: Path) -> str:
 
 
 def command(*argv: str) -> str:
-    """A command of `ares` that prints one JSON object."""
+    """Run an `ares` command that prints one JSON object."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         status = main([*argv, "--json"])
@@ -115,20 +115,20 @@ def optimize(method: str, path: Path) -> str:
 
 
 def campaign(law: str, path: Path) -> str:
-    """One flight of a campaign of a mission."""
+    """Fly one flight of a campaign of a mission."""
     return command("montecarlo", "--mission", str(path), "--guidance", law, "--only", "0")
 
 
 def disperse(law: str, path: Path) -> str:
-    """One dispersed flight."""
-    # one that measures no heating works its margin out of the dispersions
+    """Fly one dispersed flight."""
+    # without a heating sensor, a law derives its margin from the dispersions
     source = () if law == PEG else ("--heating-source", "model")
     argv = ("montecarlo", "--mission", DISPERSED_MISSION, "--dispersions", str(path))
     return command(*argv, "--guidance", law, "--only", "3", *source)
 
 
 _CAMPAIGN_LAWS = self_starting_laws()
-#: Everything that is done with a good file of a kind.
+#: Actions on a valid file of a kind.
 ACTIONS = {
     MISSION: (
         *(f"fly {law}" for law in law_names()),
@@ -148,14 +148,14 @@ _VERBS: dict[str, Callable[[str, Path], str]] = {
 
 
 def attempt(action: str, path: Path) -> str:
-    """Do one thing with a file.
+    """Run one action on a file.
 
     Args:
         action: of ACTIONS, or ``read mission`` or ``read dispersions``.
         path: the file.
 
     Returns:
-        what came of it; begins with REFUSED, DONE or BROKEN.
+        The outcome; begins with REFUSED, DONE or BROKEN.
     """
     verb, how = action.split()
     try:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Input files made from a schema: at each bound, beyond it, and far from any sense.
+"""Generate input files from a schema: at each bound, beyond it, and absurd.
 
-The models say what there is to try: a new key is tried without a word here.
+The models define the values to try, so a new key needs no change here.
 """
 
 import copy
@@ -25,20 +25,20 @@ Path = tuple[str | int, ...]
 _MISSING = object()
 _DELETED = object()
 
-#: What JSON and YAML write differently, and texts, in which it stays.
+#: Tokens that JSON and YAML write differently, and texts, which stay unchanged.
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')
 _NOT_FINITE = {"Infinity": ".inf", "-Infinity": "-.inf", "NaN": ".nan"}
 
-#: No key takes one of these.
+#: Numbers that no key accepts.
 ABSURD_NUMBERS = (1e308, -1e308, math.inf, -math.inf, math.nan)
-#: Nor one of these in place of a number.
+#: Values that are no numbers, choices, lists or mappings.
 NO_NUMBERS: tuple[object, ...] = (True, "1.0", "", [1.0], {"value": 1.0})
 NO_CHOICES: tuple[object, ...] = ("no such choice", True, [])
 NO_LISTS: tuple[object, ...] = ([], None, 1.0, "x", {}, [None])
 NO_MAPPINGS: tuple[object, ...] = ({}, [], None, 1.0, "x")
-#: Nearly nothing: a number that lost most of its digits.
+#: A subnormal number, which has lost most of its digits.
 TINY = 1e-320
-#: What a slip makes of a good number.
+#: Factors of a slip of the pen on a valid number.
 SLIPS = (0.1, 1.1, 10.0)
 TEXTS = ("", "x" * 81, "two\nlines", "bell\a", "\ud800", "1", "~", 1.0, True, None, ["x"])
 DATES = (
@@ -56,15 +56,15 @@ DATES = (
 
 @dataclass(frozen=True)
 class Input:
-    """One file.
+    """Hold one file.
 
     Attributes:
-        base: name of the file that it comes from.
-        path: what is changed.
-        value: what stands there now.
+        base: name of the file from which it is derived.
+        path: keys of the changed value.
+        value: the new value.
         data: the file.
-        fit: False: no file with this value is good; True: the schema names the value, so that
-            it can be wrong beside others only; None: nothing is said.
+        fit: False: no file with this value is valid; True: the schema names the value, so that it
+            can only be invalid in combination; None: unknown.
     """
 
     base: str
@@ -83,18 +83,18 @@ def _short(text: str) -> str:
 
 
 def to_yaml(value: Any) -> str:
-    """Plain data in the flow style of YAML 1.2: JSON but for what is not finite."""
+    """Write plain data in the flow style of YAML 1.2: JSON except for non-finite numbers."""
     if value is _DELETED:
         return "(absent)"
     return _TOKEN.sub(lambda token: _NOT_FINITE.get(token[0], token[0]), json.dumps(value))
 
 
 def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> Iterator[Input]:
-    """Every base with every value of every key, one at a time, each file once.
+    """Yield every base with every value of every key, one change at a time, each file once.
 
     Args:
         model: the schema.
-        bases: good files by name; what none of them uses is made up from the schema.
+        bases: valid files by name; values missing in all of them are made from the schema.
     """
     seen = set()
     for name, base in bases.items():
@@ -107,7 +107,7 @@ def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> It
 
 
 def used_keys(model: type[BaseModel], data: Mapping[str, Any]) -> set[tuple[str, str]]:
-    """Model and key of everything that stands in a file."""
+    """Return model and key of every entry of a file."""
     found = set()
     for key, info in model.model_fields.items():
         if key in data:
@@ -117,7 +117,7 @@ def used_keys(model: type[BaseModel], data: Mapping[str, Any]) -> set[tuple[str,
 
 
 def all_keys(model: type[BaseModel]) -> set[tuple[str, str]]:
-    """Model and key of everything that a schema knows."""
+    """Return model and key of every entry of a schema."""
     found = {(model.__name__, key) for key in model.model_fields}
     for info in model.model_fields.values():
         for part in _models(info.rebuild_annotation()):
@@ -142,13 +142,13 @@ def _used(annotation: Any, value: Any) -> set[tuple[str, str]]:
 
 
 def _form(forms: set[type[BaseModel]], data: Mapping[str, Any]) -> type[BaseModel] | None:
-    """The model whose keys a mapping has; None if there is none."""
+    """Return the smallest model that has all keys of a mapping; None if there is none."""
     fits = [form for form in forms if set(data) <= set(form.model_fields)]
     return min(fits, key=lambda form: len(form.model_fields), default=None)
 
 
 def _put(base: Mapping[str, Any], path: Path, value: Any) -> dict[str, Any]:
-    """A copy with one value changed or taken away; it shares all that is beside the path."""
+    """Copy data with one value changed or deleted; share all that is beside the path."""
     data = dict(base)
     at: Any = data
     for key in path[:-1]:
@@ -165,7 +165,7 @@ _Change = tuple[Path, Any, bool | None]
 
 
 def _mapping(model: type[BaseModel], data: dict[str, Any], path: Path) -> Iterator[_Change]:
-    """Changes inside a mapping of a model."""
+    """Yield changes inside a mapping of a model."""
     for key, info in model.model_fields.items():
         annotation = info.rebuild_annotation()
         here = (*path, key)
@@ -176,7 +176,7 @@ def _mapping(model: type[BaseModel], data: dict[str, Any], path: Path) -> Iterat
 
 
 def _changes(annotation: Any, value: Any, path: Path) -> Iterator[_Change]:
-    """Changes of one value, by what the schema wants there."""
+    """Yield changes of one value, by its type in the schema."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         yield from _annotated(arguments[0], arguments[1:], value, path)
@@ -246,7 +246,7 @@ def _union(arguments: tuple[Any, ...], value: Any, path: Path) -> Iterator[_Chan
         elif chosen is None or chosen in _models(argument) or not _models(argument):
             yield from _changes(argument, value, path)
         else:
-            # another form in its place; its own changes are those of a file that has it
+            # another form in its place; its own changes are made in files that have it
             yield path, sample(argument), None
 
 
@@ -265,7 +265,7 @@ def _list(arguments: tuple[Any, ...], value: Any, path: Path) -> Iterator[_Chang
 
 
 def _whole(model: type[BaseModel], value: Any, path: Path) -> Iterator[_Change]:
-    """A mapping: its own changes, or, where it is missing, a made-up one with changes in it."""
+    """Yield the changes of a mapping or, if it is missing, of a made-up one."""
     yield from ((path, wrong, None) for wrong in NO_MAPPINGS)
     if isinstance(value, dict):
         yield from _mapping(model, value, path)
@@ -277,7 +277,7 @@ def _whole(model: type[BaseModel], value: Any, path: Path) -> Iterator[_Change]:
 
 
 def sample(annotation: Any) -> Any:
-    """Something that fits a type by itself."""
+    """Make a valid value of a type."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         limits = next((note for note in arguments[1:] if isinstance(note, Range)), None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which files are tried, and what is done with each."""
+"""Select the files to try and the actions on each."""
 
 from collections.abc import Mapping
 from copy import deepcopy
@@ -17,9 +17,9 @@ from ares_trials.sweep.pool import Task
 from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
 from ares_vehicle_sim.dispersions import Dispersions
 
-#: Files beside the shipped ones, so that every key is used somewhere.
+#: Additional files, so that every key is used somewhere.
 _OWN = {MISSION: ("elements", "arcs", "solids"), DISPERSIONS: ("dispersions", "covariance")}
-#: And one of them with other targets.
+#: Other targets for one of them.
 _TARGETS: Mapping[str, Mapping[str, object]] = {
     "apsides": {
         "perigee_radius_m": 6563140.0,
@@ -36,13 +36,13 @@ _TARGETS: Mapping[str, Mapping[str, object]] = {
     "circle": {"perigee_altitude_m": 185000.0, "inclination_deg": 28.5},
     "escape": {"perigee_altitude_m": 185000.0, "c3_m2_s2": 1e6, "true_anomaly_deg": 5.0},
 }
-#: And Vulcan's coast with a whole orbit.
+#: A whole parking orbit for Vulcan's coast.
 _PARKING = {
     "perigee_altitude_m": 185000.0,
     "apogee_altitude_m": 185000.0,
     "inclination_deg": 28.5,
 }
-#: And with an epoch, from which the node is counted.
+#: Targets that need an epoch to define the node.
 _DATED: Mapping[str, Mapping[str, object]] = {
     "raan": {
         "radius_m": 6518889.0,
@@ -80,7 +80,7 @@ _DATED: Mapping[str, Mapping[str, object]] = {
     },
 }
 _EPOCH = "2026-01-01T12:00:00Z"
-#: And one with starts relative to the ground, which are its own.
+#: Starts relative to the ground.
 _STARTS: Mapping[str, Mapping[str, object]] = {
     "over_ground": {
         "time_s": 155.9,
@@ -97,14 +97,14 @@ _STARTS: Mapping[str, Mapping[str, object]] = {
         "earth_fixed_velocity_m_s": [1480.021, -24.597, 202.55],
     },
 }
-#: One in so many is flown or solved where not everything is done.
+#: Sampling interval: one input in SAMPLE is flown or solved.
 SAMPLE = 20
 _MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
 _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
 
 
 def bases(kind: str) -> dict[str, dict[str, Any]]:
-    """Good files of a kind, as plain data by name."""
+    """Return valid files of a kind, as plain data by name."""
     file = _KINDS[kind]
     folder = resources.files("ares_trials").joinpath("sweep")
     paths = {name: file.find(name) for name in file.shipped()}
@@ -122,15 +122,15 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
 
 
 def all_inputs(kind: str) -> list[Input]:
-    """Every input of a kind."""
+    """Return every input of a kind."""
     return list(inputs(_MODELS[kind], bases(kind)))
 
 
 def each_once(found: list[Input]) -> list[Input]:
-    """Every value of every key once, in one of the files that have the key.
+    """Select every value of every key once, in one of the files that have the key.
 
-    A word, with which everything is done, stands in a file without a free coast if one has the
-    key: each method takes seconds to find its length.
+    A choice, on which all actions run, is tried in a file without a free coast if there is one:
+    each method takes seconds to find a coast's length.
     """
     free = '"coast_s": "free"'
     planned = {name for name, data in bases(MISSION).items() if free in to_yaml(data)}
@@ -145,13 +145,13 @@ def each_once(found: list[Input]) -> list[Input]:
 
 
 def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
-    """Return what is done with inputs: each is read, and everything or a sample is done with it.
+    """Return the tasks of inputs: each is read, then all actions or a sample of them run on it.
 
     Args:
         kind: of the inputs.
         chosen: the inputs.
-        everything: all actions on each. Else one action in turn on one input of SAMPLE, and one
-            action of SAMPLE on each choice of a word.
+        everything: run all actions on each. Otherwise run one action, in turn, on one input in
+            SAMPLE, and one action in SAMPLE on each choice.
     """
     actions = ACTIONS[kind]
 
@@ -166,7 +166,7 @@ def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
 
 
 def warm_up() -> list[Task]:
-    """Every action on one file of its kind: what it needs is loaded, or compiled, then."""
+    """Return every action on one file of its kind, to load or compile what it needs."""
     first = {MISSION: "ares_v", DISPERSIONS: "dispersions"}
     return [
         Task(name, kind, to_yaml(bases(kind)[name]), ACTIONS[kind]) for kind, name in first.items()

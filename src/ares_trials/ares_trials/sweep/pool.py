@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worker processes that may crash or hang: both are a finding, and neither ends the sweep."""
+"""Run attempts in worker processes; a crash or a hang is a finding and does not end the sweep."""
 
 import ctypes
 import multiprocessing
@@ -17,21 +17,21 @@ from pathlib import Path
 
 from ares_trials.sweep.attempts import BROKEN, REFUSED, attempt
 
-#: CPU time in s that one attempt may take; more is a hang, however busy the machine is.
+#: CPU time limit of one attempt, s, independent of the machine's load.
 CPU_LIMIT_S = 60
-#: Wall time in s after which an attempt that takes no CPU time is given up.
+#: Wall time in s after which an attempt without CPU time is stopped.
 WALL_LIMIT_S = 300.0
-#: Without its parent, a worker ends at once (Linux).
+#: prctl option: kill the worker when its parent ends (Linux).
 _PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True)
 class Task:
-    """A file and what is done with it if it can be read.
+    """Hold a file and the actions to run if it can be read.
 
     Attributes:
         name: of the input, for the report.
-        kind: what it is: mission or dispersions.
+        kind: mission or dispersions.
         text: the file.
         actions: of `attempts.ACTIONS`.
     """
@@ -44,11 +44,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of one attempt.
+    """Hold the outcome of one attempt.
 
     Attributes:
         task: the task.
-        action: what was done.
+        action: the action.
         outcome: begins with REFUSED, DONE or BROKEN.
     """
 
@@ -58,12 +58,12 @@ class Result:
 
     @property
     def broken(self) -> bool:
-        """Whether this must not be."""
+        """Return whether the outcome is a finding."""
         return self.outcome.startswith(BROKEN)
 
     @property
     def refused(self) -> bool:
-        """Whether the input was refused in one line."""
+        """Return whether the input was refused in one line."""
         return self.outcome.startswith(REFUSED)
 
     def __str__(self) -> str:
@@ -71,15 +71,15 @@ class Result:
 
 
 def _serve(connection: Connection, warm: Sequence[Task]) -> None:
-    """What a worker does: says what it begins, then what came of it."""
+    """Run tasks in a worker: send each action before it runs, and its outcome after."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # a warning is a second line to the person at the terminal
+    # a warning would print a second line
     warnings.simplefilter("error")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "input.yaml")
         for task in warm:
-            # compiled functions are loaded, or made, outside of any limit
+            # load or compile kernels without a limit
             path.write_text(task.text, "utf-8")
             for action in task.actions:
                 attempt(action, path)
@@ -103,18 +103,18 @@ def _serve(connection: Connection, warm: Sequence[Task]) -> None:
 
 
 class Worker:
-    """A process that attempts, and its successors.
+    """Run attempts in a process; replace it after a crash or a hang.
 
     Attributes:
-        wall_limit_s: an attempt that takes longer is given up.
+        wall_limit_s: wall time after which an attempt is stopped, s.
     """
 
     def __init__(self, warm: Sequence[Task], wall_limit_s: float = WALL_LIMIT_S) -> None:
         """Start nothing yet.
 
         Args:
-            warm: attempted first by each process, without a limit on its CPU time.
-            wall_limit_s: an attempt that takes longer is given up.
+            warm: tasks that each process runs first, without a limit on CPU time.
+            wall_limit_s: wall time after which an attempt is stopped, s.
         """
         self._warm = warm
         self.wall_limit_s = wall_limit_s
@@ -122,11 +122,11 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """Of the process, if there is one."""
+        """Return the id of the process; None without one."""
         return self._process.pid if self._process else None
 
     def attempt(self, task: Task) -> list[Result]:
-        """Everything of a task; after a crash or a hang a new process goes on with the rest."""
+        """Run all of a task; after a crash or a hang a new process continues with the rest."""
         results: list[Result] = []
         todo = task.actions
         while True:
@@ -138,7 +138,7 @@ class Worker:
                 return results
 
     def _try(self, rest: Task, task: Task, results: list[Result]) -> str:
-        """Attempt until the end, "", or until an action ends the process, which is returned."""
+        """Run to the end and return "", or return the action that ended the process."""
         if self._process is None:
             self._start()
         action = ""
@@ -171,7 +171,7 @@ class Worker:
         return text
 
     def _bury(self) -> str:
-        """How the process ended."""
+        """Describe the end of the process."""
         process = self._process
         self._process = None
         if process is None:
@@ -197,11 +197,11 @@ class Worker:
 
 
 def attempt_all(tasks: Sequence[Task], warm: Sequence[Task]) -> Iterator[Result]:
-    """Attempt everything, a worker on each core.
+    """Run all tasks, one worker per core.
 
     Args:
-        tasks: what.
-        warm: attempted first by each worker, without a limit.
+        tasks: to run.
+        warm: run first by each worker, without a limit.
     """
     count = len(os.sched_getaffinity(0))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a flight arrived, for tests; nothing else uses this module."""
+"""Measure insertion errors, for tests only."""
 
 import math
 
@@ -12,7 +12,7 @@ from ares_studies.closed_loop import Flight
 
 
 def errors(mission: Mission, flight: Flight) -> NDArray[np.float64]:
-    """Radius m, speed m/s, flight-path angle deg, inclination deg: flown minus target."""
+    """Return radius, m, speed, m/s, flight-path angle, deg, inclination, deg: flown - target."""
     flown = Insertion.from_state(flight.plant["position"], flight.plant["velocity"])
     target = mission.arrays().target[0]
     return np.array(
@@ -26,5 +26,5 @@ def errors(mission: Mission, flight: Flight) -> NDArray[np.float64]:
 
 
 def assert_within(found: NDArray[np.float64], limits: list[float]) -> None:
-    """Every figure is within its limit, either way."""
+    """Assert that every error is within its limit, in absolute value."""
     assert np.all(np.abs(found) <= limits), found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up flights for tests; nothing else uses this module."""
+"""Synthetic flights for tests only."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ CUSTOM_DATA = {"mission": "ares_v", "law": "peg", "seed": "7"}
 
 
 def nav_state(sequence: int) -> NavState:
-    """Navigation state number `sequence`; every field differs from the next one's."""
+    """Return navigation state number `sequence`; every field differs from the next one's."""
     return NavState(
         flight_id=FLIGHT_ID,
         stamp=stamp_from_ns(START_NS + sequence * PERIOD_NS),
@@ -47,7 +47,7 @@ def nav_state(sequence: int) -> NavState:
 
 
 def flight_event(number: int) -> FlightEvent:
-    """Event number `number`."""
+    """Return event number `number`."""
     stamp = START_NS + number * 10 * PERIOD_NS
     return FlightEvent(
         stamp=stamp_from_ns(stamp),
@@ -59,7 +59,7 @@ def flight_event(number: int) -> FlightEvent:
 
 
 def report(number: int) -> DiagnosticArray:
-    """A report with texts and values."""
+    """Return a diagnostic report with texts and values."""
     status = DiagnosticStatus(
         level=DiagnosticStatus.WARN,
         name="ares/test",
@@ -72,7 +72,7 @@ def report(number: int) -> DiagnosticArray:
 
 
 def topics() -> list[Topic]:
-    """The topics of a made-up bag."""
+    """Return the topics of a synthetic bag."""
     kept = Qos(durability="transient_local")
     return [
         Topic.installed(NAV, "ares_msgs/msg/NavState", (Qos(),)),
@@ -83,9 +83,9 @@ def topics() -> list[Topic]:
 
 @cache
 def messages(count: int) -> tuple[tuple[str, int, bytes], ...]:
-    """Topic, log time and CDR of a made-up flight of `count` navigation states.
+    """Return topic, log time in ns and CDR of a synthetic flight of `count` navigation states.
 
-    The same bytes each time within a process; the padding in CDR differs between processes.
+    The bytes are equal within a process; the padding in CDR differs between processes.
     """
     return tuple(_messages(count))
 
@@ -101,7 +101,7 @@ def _messages(count: int) -> Iterator[tuple[str, int, bytes]]:
 
 
 def write_bag(path: Path, count: int = 100, flush_every: int = 20) -> Path:
-    """A complete bag with several chunks."""
+    """Write a complete bag with several chunks; return its path."""
     with BagWriter(path, CUSTOM_DATA, flush_interval_s=1e9) as writer:
         for entry in topics():
             writer.add_topic(entry)
@@ -113,7 +113,7 @@ def write_bag(path: Path, count: int = 100, flush_every: int = 20) -> Path:
 
 
 def recorded_so_far(bag: Path) -> Counter[str]:
-    """How many messages of each topic are in a bag that is being recorded, or about to be."""
+    """Count the messages by topic in a bag that is being recorded, or about to be."""
     try:
         return Counter(Examination(bag, find_file(bag), decode=False).message_counts)
     except BagError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A made-up vehicle for tests; nothing else uses this module."""
+"""Fictitious vehicle for tests only."""
 
 import math
 from typing import Any
@@ -25,7 +25,7 @@ VACUUM = np.array([[0.0, -100.0, -1e-5, 0.0, 0.0], [1e6, -110.0, -1e-5, 0.0, 0.0
 
 
 class Craft:
-    """Two stages: a burn, then a coast, a fixed burn and a free one."""
+    """Simulate two stages: a burn; a coast, a fixed burn and a free burn."""
 
     def __init__(
         self,
@@ -34,13 +34,13 @@ class Craft:
         value: float = 1135.0,
         jettison_stage: int = 1,
     ) -> None:
-        """Above the ground at 50 s, thrust along y, one jettison.
+        """Start above the ground at 50 s with thrust along y and one jettison.
 
         Args:
             mu: m3/s2.
-            criterion: of the jettison; so the next two.
-            value: W/m2 or s.
-            jettison_stage: not before it is lit.
+            criterion: of the jettison.
+            value: of the criterion, W/m2 or s.
+            jettison_stage: stage whose ignition the jettison follows.
         """
         self.environment = np.zeros(1, ENVIRONMENT)
         self.environment["mu"] = mu
@@ -83,24 +83,24 @@ class Craft:
 
     @property
     def mission(self) -> MissionArrays:
-        """What it flies."""
+        """Return the mission of the vehicle."""
         return MissionArrays(
             self.environment, VACUUM, self.arcs, self.jettisons, np.zeros(1, TARGET)
         )
 
     def begin(self) -> None:
-        """Start, and take the first command."""
+        """Begin the flight with the first command."""
         begin(self.mission, self.carried)
         assert command(self.mission, self.carried, self.steering)
 
     def fly(self, until: float, period: float = 0.1) -> Any:
-        """Fly from the start to a time, s, by one command; record PLANT."""
+        """Fly from the start to a time, s, by one command; return record PLANT."""
         self.begin()
         for k in range(1, round((until - 50.0) / period) + 1):
             advance(self.mission, self.carried, 50.0 + k * period)
         return self.plant[0]
 
     def events(self, kind: int) -> Any:
-        """Events of a kind so far, dtype EVENT."""
+        """Return the events of a kind so far, dtype EVENT."""
         logged = self.plant[0]["events"][: self.plant[0]["event_count"]]
         return logged[logged["type"] == kind]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights made up for tests: a mission with one jettison, and events as one likes them."""
+"""Make flights for tests: a mission with one jettison, and events at will."""
 
 import math
 from typing import Any
@@ -15,12 +15,12 @@ MU = 3.986004418e14
 RADIUS = 6.6e6
 SPEED = 7700.0
 INCLINATION = math.radians(28.5)
-#: m, equatorial: the perigee of the target is 213 km above it.
+#: Equatorial radius, m; the perigee of the target is 213 km above it.
 GROUND = 6.15e6
 
 
 def made_up_mission() -> MissionFacts:
-    """One burn, one jettison, a target of RADIUS, SPEED, level flight and INCLINATION."""
+    """Make a mission: one burn, one jettison, target RADIUS, SPEED, level flight, INCLINATION."""
     target = np.zeros(1, TARGET)
     target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
     target["radius"] = RADIUS
@@ -40,11 +40,11 @@ def made_up_mission() -> MissionFacts:
 
 
 def short_burn(missing_m_s: float = 184.3, **changes: Any) -> dict[str, Any]:
-    """Content of a mission file: one burn, 1 s for each 3 m/s, and a cover that comes off.
+    """Return the content of a mission file: one burn, 1 s per 3 m/s, and a cover to jettison.
 
     Args:
-        missing_m_s: speed that the burn has to add.
-        changes: of single values, `target.radius_m=...`.
+        missing_m_s: speed to be gained by the burn.
+        changes: single values to replace, `target.radius_m=...`.
     """
     speed = 7784.3 - missing_m_s
     content: dict[str, Any] = {
@@ -104,7 +104,7 @@ def short_burn(missing_m_s: float = 184.3, **changes: Any) -> dict[str, Any]:
 def state(
     radius: float = RADIUS, speed: float = SPEED
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Position (m) and velocity (m/s) in level flight at INCLINATION."""
+    """Return position (m) and velocity (m/s) in level flight at INCLINATION."""
     velocity = (0.0, speed * math.cos(INCLINATION), speed * math.sin(INCLINATION))
     return (radius, 0.0, 0.0), velocity
 
@@ -112,19 +112,19 @@ def state(
 def made_up_event(
     kind: int, time: float, index: int = 0, mass: float = 500.0, **where: float
 ) -> Event:
-    """An event at a `state`."""
+    """Make an event at a `state`."""
     return Event(kind, index, time, *state(**where), mass)
 
 
 def made_up_status(
     cycle: int, converged: bool = True, iterations: int = 8, stale: int = 0
 ) -> Status:
-    """A guidance status that predicts the target."""
+    """Make a guidance status that predicts the target."""
     return Status(float(cycle), cycle, converged, iterations, stale, LAW_PEG, 400.0, *state())
 
 
 def flown(facts: MissionFacts, *events: Event) -> FlightSummary:
-    """A flight that began, with these events."""
+    """Make a flight that has begun, with these events."""
     summary = FlightSummary(facts, "peg", bag="/bags/one", wall_s=5.0)
     summary.add_event(made_up_event(FLIGHT_STARTED, 100.0))
     for event in events:
@@ -133,7 +133,7 @@ def flown(facts: MissionFacts, *events: Event) -> FlightSummary:
 
 
 def good_flight(facts: MissionFacts, **end: Any) -> FlightSummary:
-    """A flight to the target, or to another `end` (radius, speed, mass)."""
+    """Make a flight to the target, or to another `end` (radius, speed, mass)."""
     return flown(
         facts,
         made_up_event(JETTISON_DONE, 200.0),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Made-up navigation states and a mission for tests; nothing else uses this module."""
+"""Navigation states and a mission for tests only."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import load
 from ares_models.mission import Mission
 
-#: Titan II in vacuum, after MechJeb2's tests, to be formatted with ``burn`` and ``coast``. The
-#: ground is out of the way: the optimum dips.
+#: Titan II in vacuum, after MechJeb2's tests; format with ``burn`` and ``coast``. The Earth is
+#: smaller than real, because the optimum dips below the real ground.
 RESTART = """
 name: titan
 title: Titan II in vacuum
@@ -45,11 +45,11 @@ target:
 
 
 def first_navigation(mission: Mission, **changes: Any) -> Any:
-    """The navigation state at the mission's start, record NAVIGATION.
+    """Return the navigation state at the mission's start, record NAVIGATION.
 
     Args:
-        mission: what is flown.
-        changes: fields to write over it.
+        mission: the mission.
+        changes: fields to overwrite.
     """
     start = mission.start()
     arrays = mission.arrays()
@@ -63,10 +63,10 @@ def first_navigation(mission: Mission, **changes: Any) -> Any:
 
 
 def step_anew(law: Law, nav: Any) -> bool:
-    """As `Law.step`, of a state that need not follow from the one before.
+    """Step a law on a state that need not follow from the previous one.
 
     Args:
-        law: which law.
+        law: the law.
         nav: record NAVIGATION.
     """
     law.state["navigation"]["accepted"] = 0

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What tests of pages ask of a browser; nothing else uses this module."""
+"""Check pages in a browser, for tests only."""
 
 from typing import Any
 
-#: As a person may see a page: its colours, and the width and height of the window in px.
+#: Themes, and window sizes (width, height) in px, in which pages are checked.
 THEMES = ("light", "dark")
 SIZES = {"wide": (1280, 900), "narrow": (390, 844)}
 
-#: Every piece of text that is shown: what it is, its size, its contrast, where it is.
+#: Script that lists every visible text: content, size, contrast, position.
 TEXTS = """() => {
   const canvas = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
   const paint = (colour) => {
@@ -53,7 +53,7 @@ TEXTS = """() => {
   return found;
 }"""
 
-#: Per figure: size of its drawing, its traces, its words that overlap or stick out.
+#: Script that lists per figure: size, traces, labels that overlap or are cropped.
 FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
   const frame = plot.getBoundingClientRect();
   const words = [...plot.querySelectorAll("svg text")]
@@ -80,23 +80,23 @@ FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
   };
 })"""
 
-#: Least contrast of a text with what is behind it, and its least size, px.
+#: Least contrast of a text with its background; least font size, px.
 LEAST_CONTRAST = 4.5
 LEAST_FONT_PX = 12.0
-#: Least share of the width that a figure takes, of this width in px at most.
+#: Least fraction of the page's width that a figure fills; width in px beyond which it need not.
 LEAST_SHARE, WIDEST = 0.75, 480
 
 
 def illegible(page: Any, size: str, widest: int = WIDEST) -> list[str]:
-    """What a reader could not read, or would have to scroll for.
+    """List texts and figures that cannot be read, or only by scrolling.
 
     Args:
         page: of a browser.
         size: of SIZES.
-        widest: a figure need not be wider, px.
+        widest: width beyond which a figure need not grow, px.
 
     Returns:
-        A line for each; empty if all is well.
+        A line for each; empty if there are none.
     """
     found = []
     if not page.evaluate("document.documentElement.scrollWidth <= innerWidth"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where Python enters the simulation: the arrays of a flight become records."""
+"""Entry from Python into the simulation: convert the arrays of a flight to records."""
 
 from typing import Any
 
@@ -16,20 +16,20 @@ from ares_vehicle_sim.kernels.navigation import measure
 
 @inlined
 def vehicle_records(vehicle: VehicleArrays) -> Vehicle:
-    """Records of what a flight carries."""
+    """Return the records of a flight."""
     return Vehicle(vehicle.options[0], vehicle.plant[0], vehicle.navigation[0], vehicle.truth[0])
 
 
 @kernel
 def begin(mission: MissionArrays, vehicle: VehicleArrays) -> None:
-    """Start the sequence and take the first navigation state."""
+    """Start the sequence and measure the first navigation state."""
     kernels.begin_flight(mission_records(mission), vehicle.plant[0])
     measure(vehicle_records(vehicle))
 
 
 @kernel
 def command(mission: MissionArrays, vehicle: VehicleArrays, steering: NDArray[Any]) -> bool:
-    """Take a command, shape (1,), dtype STEERING; False: it cannot be flown."""
+    """Accept a command, shape (1,), dtype STEERING; return False if it is invalid."""
     if not is_sound(steering[0], mission.jettisons.shape[0]):
         return False
     kernels.accept_command(vehicle.plant[0], steering[0])
@@ -38,7 +38,7 @@ def command(mission: MissionArrays, vehicle: VehicleArrays, steering: NDArray[An
 
 @kernel
 def advance(mission: MissionArrays, vehicle: VehicleArrays, until: float) -> None:
-    """Fly to ``until``, s, or to the end of the flight, and take a navigation state there."""
+    """Fly to ``until``, s, or to the end of the flight, and measure the navigation state."""
     carried = vehicle_records(vehicle)
     kernels.flight_step(mission_records(mission), carried, until)
     measure(carried)
@@ -46,5 +46,5 @@ def advance(mission: MissionArrays, vehicle: VehicleArrays, until: float) -> Non
 
 @kernel
 def describe(mission: MissionArrays, vehicle: VehicleArrays) -> None:
-    """Fill ``vehicle.truth``."""
+    """Write the true state into ``vehicle.truth``."""
     kernels.describe(mission_records(mission), vehicle_records(vehicle))

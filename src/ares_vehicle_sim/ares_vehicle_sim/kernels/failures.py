@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What fails in a flight, and what the vehicle then does by itself (`ares_models.failures`).
+"""Failures of the plant and the vehicle's own reaction (see `ares_models.failures`).
 
-A failure changes the arcs of the flight where it strikes: what is flown from there on is the
-vehicle that is left. A burn whose engines give less by ENGINE_OUT lasts as much longer as its
-propellant does.
+A failure changes the arcs of the flight at its time; the plant flies the remaining vehicle from
+then on. A burn weakened by ENGINE_OUT lasts until its planned propellant is burnt.
 """
 
 import math
@@ -26,17 +25,17 @@ from ares_vehicle_sim.arrays import (
     THRUST_LOW,
 )
 
-#: By how much an acceleration is above its limit where that is an event.
+#: Relative excess over the acceleration limit that is logged as an event.
 OVER = 0.01
 
 
 @kernel
 def failure_due(plant: Record, stuck_due: float) -> float:
-    """When the failure strikes, s; inf: it has, it never does, or none is to come.
+    """Return the time of the failure, s; inf if it is past, never comes, or there is none.
 
     Args:
         plant: record PLANT.
-        stuck_due: when the jettison that is stuck should go, s; inf: not decided.
+        stuck_due: due time of the stuck jettison, s; inf: not determined.
     """
     failure = plant.failure
     if failure.struck != 0 or failure.kind == 0:
@@ -50,19 +49,19 @@ def failure_due(plant: Record, stuck_due: float) -> float:
 
 @kernel
 def fails_to_ignite(plant: Record, k: int) -> bool:
-    """Whether arc ``k`` is the burn that never gives thrust."""
+    """Return whether arc ``k`` is the burn that fails to ignite."""
     return plant.failure.kind == FAILED_IGNITION and plant.failure.arc == k
 
 
 @kernel
 def is_stuck(plant: Record, j: int) -> bool:
-    """Whether jettison ``j`` never goes."""
+    """Return whether jettison ``j`` is stuck."""
     return plant.failure.kind == STUCK_JETTISON and plant.failure.jettison == j
 
 
 @kernel
 def fix_throttle(plant: Record, arcs: NDArray[Any]) -> None:
-    """The throttle of the present burn stays where it is.
+    """Fix the throttle of the present burn at its present setting.
 
     Args:
         plant: record PLANT.
@@ -80,7 +79,7 @@ def fix_throttle(plant: Record, arcs: NDArray[Any]) -> None:
 
 @kernel
 def over_limit_due(plant: Record, arcs: NDArray[Any]) -> float:
-    """When the acceleration of a burn whose throttle is stuck comes over its limit, s; inf: never.
+    """Return the time at which a stuck throttle exceeds the acceleration limit, s; inf: never.
 
     Args:
         plant: record PLANT.
@@ -94,14 +93,14 @@ def over_limit_due(plant: Record, arcs: NDArray[Any]) -> float:
 
 @kernel
 def strike(plant: Record, arcs: NDArray[Any]) -> bool:
-    """What is due fails; in a coast nothing is there that could, nor a throttle in every burn.
+    """Carry out the failure that is due; in vain in a coast, or without a throttle to stick.
 
     Args:
         plant: record PLANT. Changed.
         arcs: dtype ARC. Changed.
 
     Returns:
-        whether the present burn ends by it.
+        whether it ends the present burn.
     """
     failure = plant.failure
     failure.struck = STRUCK

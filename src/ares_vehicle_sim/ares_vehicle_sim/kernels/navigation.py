@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What navigation reports: the truth, with the errors of the flight.
+"""Navigation model: the truth with the errors of the flight.
 
-Noise comes from a counter: the numbers of a state follow from the seed, the flight and the
-number of the state alone, so that any flight can be flown again by itself. The generator is
-Philox 4x64-10 (Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3",
-2011), the same as ``numpy.random.Philox``, here because a kernel cannot hold a NumPy object
-per flight.
+The noise is counter-based: it depends only on seed, flight and number of the state, so that any
+flight can be flown again alone. The generator is Philox 4x64-10 (Salmon, Moraes, Dror, Shaw:
+"Parallel random numbers: as easy as 1, 2, 3", 2011), as in ``numpy.random.Philox``, which a kernel
+cannot use.
 """
 
 import math
@@ -23,7 +22,7 @@ Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
 
 
 def stream_number(name: str) -> int:
-    """The number of a random stream, from the name of what it is for."""
+    """Return the number of the random stream of a quantity, by its name."""
     return zlib.crc32(name.encode())
 
 
@@ -41,13 +40,13 @@ LOW_HALF = np.uint64(0xFFFFFFFF)
 HALF = np.uint64(32)
 SPARE_BITS = np.uint64(12)
 ZERO = np.uint64(0)
-#: A word's upper 52 bits, and half a step, as a fraction between 0 and 1, never either.
+#: Step of the uniform numbers: 52 bits of a word plus half a step lie strictly within 0 and 1.
 STEP = 2.0**-52
 
 
 @kernel
 def high_word(a: Word, b: Word) -> Word:
-    """Upper 64 bits of the product of two words."""
+    """Return the upper 64 bits of the product of two words."""
     a_low, a_high = a & LOW_HALF, a >> HALF
     b_low, b_high = b & LOW_HALF, b >> HALF
     middle = a_high * b_low + ((a_low * b_low) >> HALF)
@@ -57,7 +56,7 @@ def high_word(a: Word, b: Word) -> Word:
 
 @kernel
 def philox(key_0: Word, key_1: Word, counter: Words) -> Words:
-    """Four random words from a key and a counter."""
+    """Generate four random words from a key and a counter."""
     c0, c1, c2, c3 = counter
     for _ in range(ROUNDS):
         h0, l0 = high_word(MULTIPLIER_0, c0), MULTIPLIER_0 * c0
@@ -70,17 +69,17 @@ def philox(key_0: Word, key_1: Word, counter: Words) -> Words:
 
 @kernel
 def fraction(word: Word) -> float:
-    """A word as a number between 0 and 1, neither of them included."""
+    """Convert a word to a number strictly between 0 and 1."""
     return (float(word >> SPARE_BITS) + 0.5) * STEP
 
 
 @kernel
 def noise(errors: Record, stream: Word, state: Word) -> Vector:
-    """Three standard normal numbers of one navigation state (Box and Muller).
+    """Generate three standard normal numbers for a navigation state (Box and Muller).
 
     Args:
         errors: record NAVIGATION_ERRORS.
-        stream: which noise.
+        stream: number of the noise's stream.
         state: number of the navigation state, from 0.
     """
     w0, w1, w2, w3 = philox(errors.seed, stream, (state, errors.flight, ZERO, ZERO))
@@ -96,7 +95,7 @@ def noise(errors: Record, stream: Word, state: Word) -> Vector:
 
 @kernel
 def corrupt(errors: Record, state: Word, nav: Record) -> None:
-    """Turn the truth in ``nav`` into what is reported.
+    """Add the navigation errors to the true state in ``nav``.
 
     Args:
         errors: record NAVIGATION_ERRORS.
@@ -122,7 +121,7 @@ def corrupt(errors: Record, state: Word, nav: Record) -> None:
 
 @kernel
 def measure(vehicle: Vehicle) -> None:
-    """Fill ``vehicle.navigation`` with what navigation reports now."""
+    """Write the navigated state into ``vehicle.navigation``."""
     plant = vehicle.plant
     nav = vehicle.navigation
     nav.time = plant.time

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant: Eq. 2.1 with staging, jettisons and cut-off at their exact times.
+"""Plant: Eq. 2.1 with staging, jettisons and cut-off at their exact times.
 
-Between events the state is integrated by Runge and Kutta's way; every discontinuity of the
-thrust, and every knot of a thrust-time curve, ends a step, so the impulse is exact.
+Between events a Runge-Kutta method integrates the state. Every discontinuity of the thrust and
+every knot of a thrust-time curve ends a step, so that the impulse is exact.
 """
 
 import math
@@ -40,7 +40,13 @@ from ares_models.kernels.sequence import (
 )
 from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.steering import copy_decision
-from ares_models.kernels.throttle import LIMITED, mass_after, stretch, throttle, time_to_burn
+from ares_models.kernels.throttle import (
+    LIMITED,
+    mass_after,
+    throttle,
+    throttle_regime,
+    time_to_burn,
+)
 from ares_models.kernels.thrust_curve import (
     flow_area,
     flow_value,
@@ -85,16 +91,17 @@ from ares_vehicle_sim.kernels.failures import (
     strike,
 )
 
+#: Longest step with an attitude rate limit, s.
 SLEW_STEP = 0.02
-#: Most integration steps between two navigation states.
+#: Largest number of integration steps between two navigation states.
 MOST_STEPS = 1e7
-#: s, either side of 0; beyond it a clock in nanoseconds does not count any more.
+#: Largest absolute time for a clock in nanoseconds, s.
 LATEST_CLOCK = 1e9
 
 
 @kernel
 def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, float]:
-    """Thrust in N and mass flow in kg/s at time ``t`` within the present arc."""
+    """Compute thrust, N, and mass flow, kg/s, at time ``t`` within the present arc."""
     thrust = 0.0
     flow = 0.0
     arc = arcs[plant.arc]
@@ -113,7 +120,7 @@ def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, floa
 
 @kernel
 def burns_steadily(plant: Record, arc: Record, t: float) -> bool:
-    """Whether the present arc, and it alone, gives its full thrust from ``t`` to its end."""
+    """Return whether only the present arc burns, at full thrust from ``t`` to its end."""
     if plant.tail_arc >= 0 or plant.inserted == 1 or plant.complete == 1 or arc.kind != BURN:
         return False
     if math.isfinite(arc.max_acceleration):
@@ -123,7 +130,7 @@ def burns_steadily(plant: Record, arc: Record, t: float) -> bool:
 
 @kernel
 def throttled(plant: Record, arc: Record, t: float) -> bool:
-    """Whether the present arc burns and is throttled as soon as its mass asks for it."""
+    """Return whether the present arc burns under an acceleration limit after its start."""
     if plant.inserted == 1 or plant.complete == 1 or arc.kind != BURN:
         return False
     started = t - plant.arc_start_time >= start_length(arc)
@@ -132,28 +139,28 @@ def throttled(plant: Record, arc: Record, t: float) -> bool:
 
 @kernel
 def throttle_change(plant: Record, arcs: NDArray[Any], limit: float) -> float:
-    """When the throttle begins or ends to move; ``limit`` if not before it."""
+    """Return the end of the present throttle regime, s, at most ``limit``."""
     arc = arcs[plant.arc]
     if not throttled(plant, arc, plant.time):
         return limit
-    _, span = stretch(arc, (arc.exhaust_velocity, arc.mass_flow), plant.mass)
+    _, span = throttle_regime(arc, (arc.exhaust_velocity, arc.mass_flow), plant.mass)
     return min(limit, plant.time + span)
 
 
 @kernel
 def commanded_direction(plant: Record, arcs: NDArray[Any], t: float) -> Vector:
-    """Unit thrust direction at time ``t``: of the command in force, or held since ignition."""
+    """Return the thrust direction at ``t``: commanded, or held since ignition; unit vector."""
     held = arcs[plant.arc].held == 1
     if plant.tail_arc >= 0:
         held = held or arcs[plant.tail_arc].held == 1
     if held:
         return load(plant.held_direction)
-    return followed_direction(plant, t)
+    return steered_direction(plant, t)
 
 
 @kernel
-def followed_direction(plant: Record, t: float) -> Vector:
-    """Unit thrust direction of the command in force at time ``t``."""
+def steered_direction(plant: Record, t: float) -> Vector:
+    """Return the thrust direction of the command in force at time ``t``, unit vector."""
     command = plant.command
     return unit(
         axpy(t - command.reference_time, load(command.direction_rate), load(command.direction))
@@ -162,12 +169,12 @@ def followed_direction(plant: Record, t: float) -> Vector:
 
 @kernel
 def sense(mission: MissionRecords, plant: Record) -> None:
-    """Note what follows from the present place and speed: altitude and heating."""
+    """Update altitude and heating from the present position and velocity."""
     environment = mission.environment
     r = load(plant.position)
     plant.altitude = altitude(r, environment)
     plant.heating_rate = heating_rate(r, load(plant.velocity), environment, mission.atmosphere)
-    # from the jettison on; before it this is zero
+    # 0 before the jettison
     if plant.heating_rate > plant.peak_heating_after_jettison > 0.0:
         plant.peak_heating_after_jettison = plant.heating_rate
 
@@ -190,7 +197,7 @@ def log_event(plant: Record, kind: int, index: int) -> None:
 
 @kernel
 def end_by_limit(plant: Record) -> None:
-    """End a flight that would go on for ever."""
+    """End a flight at its time limit."""
     if plant.complete == 0:
         plant.complete = 1
         log_event(plant, TIME_LIMIT, plant.arc)
@@ -198,7 +205,7 @@ def end_by_limit(plant: Record) -> None:
 
 @kernel
 def begin_arc(plant: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]) -> None:
-    """Make arc ``k`` the present one, with its events."""
+    """Begin arc ``k`` and log its events."""
     arc = arcs[k]
     enter_arc(plant, k, arcs, jettisons)
     if arc.begins_stage == 1 and k > 0:
@@ -209,7 +216,7 @@ def begin_arc(plant: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]
 
 @kernel
 def begin_next(plant: Record, following: int, arcs: NDArray[Any], jettisons: NDArray[Any]) -> bool:
-    """After the end of a stage's burn: the next arc begins, or the flight is over; whether one."""
+    """Begin the arc after a stage's burn; return False if there is none and the flight ends."""
     if following >= arcs.shape[0]:
         plant.complete = 1
         log_event(plant, FLIGHT_COMPLETE, plant.arc)
@@ -220,14 +227,14 @@ def begin_next(plant: Record, following: int, arcs: NDArray[Any], jettisons: NDA
 
 @kernel
 def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
-    """Time at which the present burn has used up its stage's propellant; inf in a coast."""
+    """Return the time of depletion in the present burn, s; inf in a coast."""
     arc = arcs[plant.arc]
     if arc.kind != BURN or plant.inserted == 1:
         return math.inf
     left = max(0.0, arc.propellant - plant.propellant_used) / arc.mass_flow
     into = plant.time - plant.arc_start_time
     if math.isfinite(arc.max_acceleration):
-        # it has no start but for a delay without thrust
+        # a throttled burn has no start curve except a delay without thrust
         engine = (arc.exhaust_velocity, arc.mass_flow)
         left = time_to_burn(arc, engine, plant.mass, left * arc.mass_flow)
         return plant.time + max(0.0, start_length(arc) - into) + left
@@ -235,7 +242,7 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
         arc.tabled == 1
         and left >= flow_area(arc, arc.duration) - flow_area(arc, into) - SAME_BURNOUT
     ):
-        # its table ends it
+        # the burn ends with its table
         return math.inf
     if into >= start_length(arc):
         return plant.time + left
@@ -253,7 +260,7 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
 
 @kernel
 def free_end(plant: Record, arc: Record, wanted: float) -> float:
-    """When the present arc, free, ends, s: as wanted within its bounds; nan: at the latest."""
+    """Clip the wanted end of the present free arc to its bounds, s; nan: the latest end."""
     latest = plant.arc_start_time + arc.longest
     if not wanted < latest:
         return latest
@@ -262,7 +269,7 @@ def free_end(plant: Record, arc: Record, wanted: float) -> float:
 
 @kernel
 def arc_end(plant: Record, arcs: NDArray[Any]) -> float:
-    """When the present arc, not the last one, gives way to the next, s; inf: not by time."""
+    """Return the end of the present arc by time, s; inf for the last arc."""
     arc = arcs[plant.arc]
     if plant.arc + 1 == arcs.shape[0]:
         return math.inf
@@ -273,10 +280,10 @@ def arc_end(plant: Record, arcs: NDArray[Any]) -> float:
 
 @kernel
 def cutoff_due(plant: Record, arcs: NDArray[Any]) -> float:
-    """When the present burn is cut off and the flight with it, s; inf or nan: it is not.
+    """Return the time of the cut-off that ends the flight, s; inf or nan: none.
 
-    By command the last arc; by the clock, if its length is fixed. An earlier burn is cut off
-    so only where nothing else can be meant: in a mission whose other arcs are all fixed.
+    The last arc is cut off by command, or by the clock if its length is fixed. A command also cuts
+    off an earlier burn if no arc before the last is free.
     """
     arc = arcs[plant.arc]
     if arc.kind != BURN:
@@ -290,7 +297,7 @@ def cutoff_due(plant: Record, arcs: NDArray[Any]) -> float:
 
 @kernel
 def wanted_jettison(plant: Record, jettisons: NDArray[Any], j: int) -> float:
-    """Time at which jettison ``j`` should go; inf when done or not decided."""
+    """Return the due time of jettison ``j``, stuck or not, s; inf if done or not determined."""
     if not aboard(plant.jettisoned, j):
         return math.inf
     commanded = plant.jettison_time[j]
@@ -305,13 +312,13 @@ def wanted_jettison(plant: Record, jettisons: NDArray[Any], j: int) -> float:
 
 @kernel
 def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
-    """Time at which jettison ``j`` goes; inf when done, stuck or not decided."""
+    """Return the time of jettison ``j``, s; inf if done, stuck or not determined."""
     return math.inf if is_stuck(plant, j) else wanted_jettison(plant, jettisons, j)
 
 
 @kernel
 def next_failure(plant: Record, jettisons: NDArray[Any]) -> float:
-    """When the failure strikes, s; inf: never."""
+    """Return the time of the failure, s; inf: never."""
     stuck_due = math.inf
     if plant.failure.jettison >= 0:
         stuck_due = wanted_jettison(plant, jettisons, plant.failure.jettison)
@@ -320,7 +327,7 @@ def next_failure(plant: Record, jettisons: NDArray[Any]) -> float:
 
 @kernel
 def fail(plant: Record, arcs: NDArray[Any]) -> bool:
-    """What is due fails, with its event; whether the present burn ends by it."""
+    """Carry out the failure that is due and log it; return whether it ends the present burn."""
     ends = strike(plant, arcs)
     if is_stuck(plant, plant.failure.jettison):
         log_event(plant, JETTISON_STUCK, plant.failure.jettison)
@@ -331,9 +338,9 @@ def fail(plant: Record, arcs: NDArray[Any]) -> bool:
 
 @kernel
 def copy_command(source: Record, destination: Record) -> None:
-    """Copy a record STEERING; what it does not know of the plan stays as it was.
+    """Copy a command, but keep cut-off and arc ends that the new command does not know.
 
-    So a cut-off that was predicted is carried out when it falls due, whatever comes after.
+    A predicted cut-off is thus carried out even if later commands have none.
     """
     known = destination.cutoff_time
     copy_decision(source, destination)
@@ -346,7 +353,7 @@ def copy_command(source: Record, destination: Record) -> None:
 
 @kernel
 def put_in_force(plant: Record, command: Record) -> None:
-    """Fly by a command from now on."""
+    """Put a command in force."""
     copy_command(command, plant.command)
     for j in range(plant.jettison_time.shape[0]):
         plant.jettison_time[j] = math.nan
@@ -356,24 +363,24 @@ def put_in_force(plant: Record, command: Record) -> None:
 
 @kernel
 def accept_command(plant: Record, steering: Record) -> None:
-    """Take a checked command: in force at once, or after the flight's latency.
+    """Accept a checked command, in force at once or after the flight's latency.
 
-    While one is under way the guidance computer is busy, and no other is taken.
+    While one is pending the guidance computer is busy, and others are ignored.
     """
     if not plant.latency > 0.0:
         put_in_force(plant, steering)
-    elif plant.coming_time == math.inf:
-        copy_command(steering, plant.coming)
-        plant.coming_time = plant.time + plant.latency
+    elif plant.pending_time == math.inf:
+        copy_command(steering, plant.pending)
+        plant.pending_time = plant.time + plant.latency
 
 
 @kernel
 def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> None:
-    """Carry out everything that falls on the present instant."""
+    """Carry out all events that are due now."""
     now = plant.time + SAME_TIME
-    if plant.coming_time <= now:
-        plant.coming_time = math.inf
-        put_in_force(plant, plant.coming)
+    if plant.pending_time <= now:
+        plant.pending_time = math.inf
+        put_in_force(plant, plant.pending)
     changed = True
     while changed and plant.complete == 0:
         changed = False
@@ -417,8 +424,8 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
 
 @kernel
 def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> float:
-    """Instant of the next thing that :func:`process_due_events` would do; now, if it is due."""
-    at = plant.coming_time
+    """Return the time of the next event of :func:`process_due_events`, s."""
+    at = plant.pending_time
     for j in range(jettisons.shape[0]):
         at = min(at, jettison_due(plant, jettisons, j))
     if plant.tail_arc >= 0:
@@ -435,7 +442,7 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
     if math.isfinite(arcs[plant.arc].duration) and plant.arc + 1 == arcs.shape[0]:
         end = cutoff
     burnout = burnout_time(plant, arcs)
-    # a burn as long as its propellant ends by the clock
+    # if cut-off and depletion coincide, treat as timed cut-off
     if burnout < at and burnout < end - SAME_BURNOUT:
         at = burnout
     return at
@@ -445,17 +452,17 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
 def limited_thrust(
     acceleration: float, directions: tuple[Vector, Vector, Vector]
 ) -> tuple[Vector, Vector, Vector]:
-    """Thrust accelerations of a step in which their size stays."""
+    """Return the thrust accelerations of a step at constant magnitude."""
     u0, um, u1 = directions
     return scale(acceleration, u0), scale(acceleration, um), scale(acceleration, u1)
 
 
 @kernel
 def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
-    """One Runge-Kutta-Nystroem step of order 4 to ``end``; the thrust curve is linear in between.
+    """Integrate to ``end`` in one Runge-Kutta-Nystroem step of order 4, thrust linear in time.
 
-    Thrust and mass are known functions of time and gravity is one of place, so three
-    accelerations do: at both ends and in the middle.
+    Thrust and mass are known functions of time and gravity depends on position only, so that three
+    accelerations suffice: at both ends and in the middle.
     """
     environment = mission.environment
     arcs = mission.arcs
@@ -465,11 +472,11 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     h = end - t
     arc = arcs[plant.arc]
     if arc.held == 1 and t - plant.arc_start_time <= SAME_TIME:
-        store(plant.held_direction, followed_direction(plant, t))
+        store(plant.held_direction, steered_direction(plant, t))
     t0 = t1 = arc.thrust
     f0 = f1 = arc.mass_flow
     if not burns_steadily(plant, arc, t):
-        # sampled just inside the step: a knot may be a jump
+        # sample just inside the step, because a knot may be a jump
         inset = 1e-12 * h
         t0, f0 = thrust_now(plant, arcs, t + inset)
         t1, f1 = thrust_now(plant, arcs, end - inset)
@@ -497,7 +504,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     s1 = scale(t1 / m_end, u1)
     if throttled(plant, arc, t):
         engine = (arc.exhaust_velocity, arc.mass_flow)
-        kind, _ = stretch(arc, engine, m)
+        kind, _ = throttle_regime(arc, engine, m)
         if kind == LIMITED:
             s0, sm, s1 = limited_thrust(arc.max_acceleration, (u0, um, u1))
             m_end = mass_after(arc, engine, kind, m, h)
@@ -507,7 +514,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     sixth = h / 6.0
     store(plant.position, axpy(h, axpy(sixth, axpy(2.0, am, a0), v), r))
     store(plant.velocity, axpy(sixth, add(a0, axpy(4.0, am, a1)), v))
-    # the same rule on the thrust acceleration: what an accelerometer integrates
+    # the same rule for the thrust acceleration alone, as an accelerometer senses it
     sensed = add(s0, axpy(4.0, sm, s1))
     store(plant.sensed_delta_v, axpy(sixth, sensed, load(plant.sensed_delta_v)))
     store(plant.direction, u1)
@@ -520,7 +527,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
 def begin_flight(mission: MissionRecords, plant: Record) -> None:
     """Start the sequence from the state in ``plant`` (time, position, velocity set).
 
-    The mass is that of the first arc's stack unless it is set already.
+    The mass is that of the first arc's stack unless it is set.
     """
     plant.ignited_stage = -1
     plant.tail_arc = -1
@@ -535,12 +542,12 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
     store(plant.command.direction, u)
     plant.command.reference_time = plant.time
     plant.command.cutoff_time = math.nan
-    plant.coming.cutoff_time = math.nan
+    plant.pending.cutoff_time = math.nan
     plant.command.jettison = -1
-    plant.coming_time = math.inf
+    plant.pending_time = math.inf
     for k in range(MAX_ARCS):
         plant.command.arc_end_times[k] = math.nan
-        plant.coming.arc_end_times[k] = math.nan
+        plant.pending.arc_end_times[k] = math.nan
     sense(mission, plant)
     log_event(plant, FLIGHT_STARTED, 0)
     begin_arc(plant, 0, mission.arcs, mission.jettisons)
@@ -550,7 +557,7 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
 
 @kernel
 def integrate_to(mission: MissionRecords, vehicle: Vehicle, end: float, largest: float) -> None:
-    """Fly to ``end``, before which nothing happens, in equal steps of ``largest`` s at most."""
+    """Integrate to ``end``, without events in between, in equal steps of at most ``largest`` s."""
     plant = vehicle.plant
     start = plant.time
     steps = 1
@@ -571,8 +578,8 @@ def flight_step(mission: MissionRecords, vehicle: Vehicle, until: float) -> None
     steps to ``until``, ends with the event TIME_LIMIT.
 
     Args:
-        mission: the true one. A failure changes its arcs.
-        vehicle: what flies. Its plant is changed; events are appended to ``plant.events``.
+        mission: the true mission. A failure changes its arcs.
+        vehicle: the flight. Its plant is changed; events are appended to ``plant.events``.
         until: mission elapsed time, s.
     """
     plant = vehicle.plant
@@ -605,7 +612,7 @@ def flight_step(mission: MissionRecords, vehicle: Vehicle, until: float) -> None
 
 @kernel
 def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
-    """Fill ``vehicle.truth`` with the true state and what follows from it."""
+    """Write the true state and derived quantities into ``vehicle.truth``."""
     environment = mission.environment
     plant = vehicle.plant
     truth = vehicle.truth

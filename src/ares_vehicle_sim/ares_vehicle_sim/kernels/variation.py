@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The true vehicle of one flight, from the nominal one and the flight's variation."""
+"""True vehicle of a flight, from the nominal vehicle and the flight's variation."""
 
 import math
 from typing import Any
@@ -10,19 +10,19 @@ from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import add, load, store
 
-#: Least factor on a thrust, an impulse, a mass: beyond five sigma nothing turns negative.
+#: Least factor on thrust, impulse or mass, so that extreme draws stay positive.
 LEAST_FACTOR = 0.05
 
 
 @kernel
 def factor(fraction: float) -> float:
-    """1 + fraction, kept positive."""
+    """Return 1 + fraction, at least LEAST_FACTOR."""
     return max(LEAST_FACTOR, 1.0 + fraction)
 
 
 @kernel
 def vary_start(arc: Record, delay: float, scale: float) -> None:
-    """Stretch the start of a burn and put it off; it needs room for two knots more.
+    """Stretch and delay the start curve of a burn; this needs room for two more knots.
 
     Args:
         arc: record ARC. Changed.
@@ -33,7 +33,7 @@ def vary_start(arc: Record, delay: float, scale: float) -> None:
     for i in range(knots):
         arc.start_time[i] *= scale
     if arc.tabled == 1:
-        # a motor that burns more slowly gives less thrust for longer
+        # a solid motor that burns more slowly gives less thrust for longer
         arc.thrust /= scale
         arc.mass_flow /= scale
         arc.duration = arc.duration * scale + delay
@@ -57,7 +57,7 @@ def vary_start(arc: Record, delay: float, scale: float) -> None:
 def vary_arcs(
     variation: Record, nominal: NDArray[Any], jettisons: NDArray[Any], arcs: NDArray[Any]
 ) -> None:
-    """Thrust, impulse, propellant, masses and starts of one flight.
+    """Vary thrust, impulse, propellant, masses and starts of the arcs.
 
     Args:
         variation: record VARIATION.
@@ -71,7 +71,7 @@ def vary_arcs(
         arc = arcs[k]
         stage = arc.stage
         if k == nominal.shape[0] - 1 or nominal[k + 1].stage > stage:
-            # the stage from which the loop comes down: what it has more, all below carry
+            # first arc of a stage in this loop from the top: all stages below carry its excess mass
             own = arc.stack_mass
             if k < nominal.shape[0] - 1:
                 own -= nominal[k + 1].stack_mass
@@ -101,14 +101,14 @@ def vary_arcs(
 
 @kernel
 def vary(variation: Record, nominal: MissionArrays, true: MissionArrays, plant: Record) -> None:
-    """Make the true vehicle of one flight.
+    """Build the true vehicle of a flight.
 
     Args:
         variation: record VARIATION.
-        nominal: the mission; its J2 is that of the truth.
-        true: room for what differs: environment, arcs and jettisons. Changed.
-        plant: record PLANT, all zero but for the nominal start: time, position, velocity.
-            Changed: ready for `begin_flight`.
+        nominal: the mission with the true J2.
+        true: environment, arcs and jettisons are written.
+        plant: record PLANT, all zero except the nominal time, position and velocity. Changed,
+            ready for `begin_flight`.
     """
     true.environment[0] = nominal.environment[0]
     true.environment[0].density_factor *= math.exp(variation.log_density)

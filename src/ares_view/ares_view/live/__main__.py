@@ -6,13 +6,13 @@ import sys
 
 from ares_node.entry import enter
 
-#: How far the page stands back.
+#: Scheduling priority by which the page yields to the flight.
 NICENESS = 5
 
 
 def main() -> int:
     """Run until a signal comes."""
-    # the flight has the processors first
+    # the flight must not wait for the page
     os.nice(NICENESS)
     return enter("ares_view", "ares_view.live.node:LiveNode", "live", extra="live")
 

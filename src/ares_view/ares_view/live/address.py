@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the page is served, and to whom. Standard library only."""
+"""Open the socket of the live page and control access to it. Standard library only."""
 
 import errno
 import hmac
@@ -9,24 +9,24 @@ import socket
 from dataclasses import dataclass
 
 LOOPBACK = "127.0.0.1"
-#: Names by which a browser on this machine may call it.
+#: Host names under which a browser on this machine may request the page.
 _LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")
 _BACKLOG = 16
 
 
 class AddressError(ValueError):
-    """The page cannot be served there; the text is one line."""
+    """Report in one line that the page cannot be served at an address."""
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that browsers can connect to.
+    """Open a listening socket for browsers.
 
     Args:
         host: an address or a name of this machine.
         port: 0 takes a free one.
 
     Raises:
-        AddressError: no such address here, or the port cannot be had.
+        AddressError: not an address of this machine, or the port is not available.
     """
     try:
         family, kind, protocol, _, where = socket.getaddrinfo(
@@ -55,10 +55,10 @@ def _why(error: OSError, host: str, port: int) -> str:
 
 
 def free_port(host: str, port: int) -> int:
-    """The port that `listen` would take now.
+    """Return the port that `listen` would open now.
 
     Raises:
-        AddressError: as `listen`.
+        AddressError: see `listen`.
     """
     with listen(host, port) as listener:
         return int(listener.getsockname()[1])
@@ -69,13 +69,13 @@ def _is_loopback(address: str) -> bool:
 
 
 @dataclass(frozen=True)
-class Door:
-    """Who may come in.
+class Access:
+    """Hold the address of the page and decide who may request it.
 
     Attributes:
-        host: where the page is served, as a browser writes it.
+        host: address of the server in a URL.
         port: its port.
-        token: what stands in the address of the page; empty: nothing, on this machine only.
+        token: required in the URL of every request; "" for a server on loopback.
     """
 
     host: str
@@ -83,8 +83,8 @@ class Door:
     token: str
 
     @classmethod
-    def of(cls, listener: socket.socket) -> "Door":
-        """The door of a socket: one that others than this machine can reach has a token."""
+    def of(cls, listener: socket.socket) -> "Access":
+        """Return the access rules of a socket: a token is required unless it is on loopback."""
         address, port = listener.getsockname()[:2]
         local = _is_loopback(address)
         if ipaddress.ip_address(address).is_unspecified:
@@ -94,25 +94,26 @@ class Door:
 
     @property
     def url(self) -> str:
-        """Of the page."""
+        """Return the URL of the page."""
         return f"http://{self.host}:{self.port}/{self.query}"
 
     @property
     def query(self) -> str:
-        """What follows the path of every address."""
+        """Return the query string of every URL."""
         return f"?token={self.token}" if self.token else ""
 
-    def knows(self, host: str) -> bool:
-        """Whether a request was meant for this server, by its header Host.
+    def accepts_host(self, host: str) -> bool:
+        """Tell whether the header Host of a request names this server.
 
-        A foreign page whose name was made to point here calls it by that name. Behind a token
-        any name will do: this machine may have more than it knows of.
+        Guards against DNS rebinding: a foreign page whose name was made to resolve to this address
+        requests it under that name. With a token any name is accepted: this machine may have names
+        that it does not know.
         """
         if self.token:
             return True
         name, _, port = host.rpartition(":")
         return name in (*_LOCAL_NAMES, self.host) and port == str(self.port)
 
-    def admits(self, token: str) -> bool:
-        """Whether a token is the right one; it takes as long whatever is wrong with it."""
+    def accepts_token(self, token: str) -> bool:
+        """Compare a token in constant time; without one required, accept any."""
         return hmac.compare_digest(token.encode(), self.token.encode()) or not self.token

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live node: follows a flight from the graph, and serves the page that shows it."""
+"""Follow a flight on the graph and serve the page that shows it: the live node."""
 
 import math
 import queue
@@ -59,15 +59,15 @@ from ares_view.live.story import Story
 
 #: Wall time in s between updates of the pages.
 UPDATE_PERIOD = 0.05
-#: States, and words of guidance, that an update takes of those that have come since the last.
+#: States, and guidance statuses, shown per update at most.
 TAKEN = 4
 #: Wall time in s over which the rate of the flight is measured.
 RATE_PERIOD = 1.0
-#: Wall time in s between words on how many pages are open.
+#: Wall time in s between reports of the number of open pages.
 PAGES_PERIOD = 0.25
-#: Wall time in s without a state after which another flight may take the page.
+#: Wall time in s without a state after which another flight may be shown.
 QUIET = 2.0
-#: Wall time in s for the pages to take the last word.
+#: Wall time in s for the pages to receive the last message.
 GOODBYE = 1.0
 
 LEVELS = {DiagnosticStatus.WARN: "WARN", DiagnosticStatus.ERROR: "ERROR"}
@@ -88,17 +88,17 @@ PARAMETERS = (
 
 
 class LiveNode(FlightNode):
-    """Shows one flight on a page, and passes on what the reader commands.
+    """Show one flight on a page and forward the reader's commands.
 
-    It takes no part in the flight: nobody waits for it, and it says nothing that is recorded.
+    It is no member of the flight: no node waits for it, and nothing it publishes is recorded.
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        """Declare the parameters; everything else waits for `configure`."""
+        """Declare the parameters."""
         super().__init__("live", parameters=PARAMETERS, **kwargs)
 
     def configure(self) -> None:
-        """Serve the page, create the endpoints."""
+        """Serve the page; create the endpoints."""
         values = self.values
         self._mission: Mission | None = None
         try:
@@ -123,7 +123,7 @@ class LiveNode(FlightNode):
         self._rate_from: tuple[float, float] | None = None
         self._pages_said_at = -math.inf
         self._server = LiveServer(listener, self._story, lambda *said: self._commands.put(said))
-        print(f"live: {self._server.door.url}", file=sys.stderr, flush=True)
+        print(f"live: {self._server.access.url}", file=sys.stderr, flush=True)
         self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._inputs = [
             self.create_subscription(kind, topic, take, qos, raw=qos is LATEST)
@@ -138,19 +138,19 @@ class LiveNode(FlightNode):
         ]
 
     def activate(self) -> None:
-        """Begin to look; open the page."""
+        """Start updating the page; open it."""
         self._looks = self.wall_timer(UPDATE_PERIOD, self._on_look)
         if self.values["open_browser"]:
-            url = self._server.door.url
-            # it may wait for the browser
+            url = self._server.access.url
+            # in a thread, since it may wait for the browser
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
     def deactivate(self) -> None:
-        """Look no more; what is shown stays."""
+        """Stop updating the page; it keeps what it shows."""
         self.destroy_timer(self._looks)
 
     def cleanup(self) -> None:
-        """Tell the pages that this is the end; free port and endpoints."""
+        """Send the pages their last message; free port and endpoints."""
         self._server.close(GOODBYE)
         for endpoint in self._inputs:
             self.destroy_subscription(endpoint)
@@ -158,15 +158,15 @@ class LiveNode(FlightNode):
         self._forget_setter()
 
     def drain(self, executor: Executor) -> None:
-        """Show what has come last."""
+        """Show the last messages."""
         self._on_look()
 
     @property
     def flight_id(self) -> int:
-        """The flight that is shown; 0 before any."""
+        """Return the identity of the flight shown; 0 before any."""
         return getattr(self, "_shown", 0)
 
-    # ---- which flight
+    # ---- choice of the flight
 
     def _on_member(self, member: FlightMember) -> None:
         if member.role != Role.VEHICLE_SIM or not member.flight_id:
@@ -180,7 +180,7 @@ class LiveNode(FlightNode):
             self._forget_setter()
 
     def _turn_to(self, flight_id: int) -> bool:
-        """Whether a flight is shown; another one is taken up when the one shown is over."""
+        """Return whether a flight is shown; switch to it if the one shown is over or silent."""
         if flight_id == self._shown or self.values["flight_id"]:
             return flight_id == self._shown
         age = self._story.age()
@@ -196,7 +196,7 @@ class LiveNode(FlightNode):
         mission, note = self._mission, ""
         simulator = self._simulators.get(flight_id)
         if mission is None and simulator is not None:
-            # not a path: what comes over the graph opens no file
+            # shipped missions only: a name from the graph must not open a file
             if simulator.mission in list_missions():
                 mission = load_mission(simulator.mission)
             else:
@@ -206,7 +206,7 @@ class LiveNode(FlightNode):
         self._story.begin(flight_id, mission, note)
         self._forget_setter()
 
-    # ---- what is heard
+    # ---- subscriptions
 
     def _on_state(self, data: bytes) -> None:
         self._states.append(data)
@@ -232,23 +232,23 @@ class LiveNode(FlightNode):
         said = {item.key: item.value for item in status.values}
         pace = number_of(said, PACE)
         if pace is not None:
-            self._story.tell(pace=pace, paused=said.get(PAUSED) == str(True))
+            self._story.update(pace=pace, paused=said.get(PAUSED) == str(True))
             self._control(said.get(NODE, ""))
         if VERDICT in said:
-            self._story.tell(verdict=said[VERDICT], good=said.get(GOOD) == str(True))
+            self._story.update(verdict=said[VERDICT], good=said.get(GOOD) == str(True))
 
     def _on_look(self) -> None:
-        """Take some of what has come, and let the pages have it."""
+        """Show queued messages and send the news to the pages."""
         self._take_states()
         self._take_statuses()
         self._obey()
         now = time.monotonic()
         if now - self._pages_said_at > PAGES_PERIOD and self._last_sequence < 0:
-            # who starts the flight may wait for the first
+            # the launcher may wait for the first page
             self._pages_said_at = now
             words = {PAGES: self._server.pages}
             self._timing_out.publish(timing(self, self._shown, words))
-        self._server.spread()
+        self._server.notify()
 
     def _take_states(self) -> None:
         taken: list[tuple[float, int, Any]] = []
@@ -256,7 +256,7 @@ class LiveNode(FlightNode):
             if not self._turn_to(flight_id):
                 continue
             if sequence <= self._last_sequence:
-                # the same flight once more: a replay
+                # the flight starts again: a replay
                 self._begin(flight_id)
                 taken.clear()
             self._last_sequence = sequence
@@ -276,7 +276,7 @@ class LiveNode(FlightNode):
             self._rate_from = now, moment
         elif now - self._rate_from[0] > RATE_PERIOD:
             rate = (moment - self._rate_from[1]) / (now - self._rate_from[0])
-            self._story.tell(rate=round(rate, 2))
+            self._story.update(rate=round(rate, 2))
             self._rate_from = now, moment
 
     def _take_statuses(self) -> None:
@@ -290,12 +290,12 @@ class LiveNode(FlightNode):
                 "iterations": status.iterations,
             }
             self._story.add_status(row, status.predicted_position, status.predicted_velocity)
-            self._story.tell(law=LAWS.get(status.law, f"law {status.law}"))
+            self._story.update(law=LAWS.get(status.law, f"law {status.law}"))
 
-    # ---- what is commanded
+    # ---- commands
 
     def _control(self, node: str) -> None:
-        """A node says the pace: it takes one too, unless the flight is over."""
+        """Connect to the parameters of the node that reports the pace, while the flight lasts."""
         name = f"{node}/set_parameters"
         try:
             validate_full_topic_name(name, is_service=True)
@@ -305,10 +305,10 @@ class LiveNode(FlightNode):
             self._forget_setter()
         if self._setter is None and not self._story.ended:
             self._setter = self.create_client(SetParameters, name)
-            self._story.may_control(True)
+            self._story.set_controllable(True)
 
     def _forget_setter(self) -> None:
-        self._story.may_control(False)
+        self._story.set_controllable(False)
         if self._setter is not None:
             self.destroy_client(self._setter)
             self._setter = None
@@ -325,7 +325,7 @@ class LiveNode(FlightNode):
 
 
 def _some(waiting: deque[bytes]) -> list[bytes]:
-    """A few of what waits, evenly spread, the first and the last of them; nothing waits then."""
+    """Empty a queue; return at most TAKEN of its messages, evenly spread, with first and last."""
     count = len(waiting)
     came = [waiting.popleft() for _ in range(count)]
     if count <= TAKEN:
@@ -338,14 +338,14 @@ def _status_of(data: bytes) -> Any:
 
 
 def _readable(waiting: list[bytes], read: Callable[[bytes], Any]) -> Iterator[Any]:
-    """What can be read of that; of the rest nobody has anything to show."""
+    """Yield the readable messages; skip the others."""
     for data in waiting:
         with suppress(Unreadable):
             yield read(data)
 
 
 def _wanted(name: str, value: float) -> list[ParameterMessage]:
-    """What a command sets."""
+    """Return the parameters that a command sets."""
     if name == "pace":
         wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
         return [ParameterMessage(name=PACE, value=wanted)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: what stands on it before anything has come."""
+"""Render the live page as it is before any message."""
 
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -13,14 +13,14 @@ from ares_view.live.story import STATE_FIELDS, STATUS_FIELDS
 
 @dataclass(frozen=True)
 class Gauge:
-    """A number on the page.
+    """Hold a number on the page.
 
     Attributes:
-        key: its field, of a state or of what guidance says.
-        label: for people.
+        key: its field, of a state or of a guidance status.
+        label: shown text.
         unit: as shown.
         digits: decimals.
-        full: what fills its bar: a field of guidance, `limit`, or `most`, the most so far.
+        full: value of a full bar: a field of a status, `limit`, or `most`, the largest so far.
     """
 
     key: str
@@ -32,7 +32,7 @@ class Gauge:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a chart: its name, its field, its colour."""
+    """Hold a line of a chart: its name, its field, its colour."""
 
     name: str
     field: str
@@ -42,7 +42,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart: its title, its axis, its lines."""
+    """Hold a chart: its title, its axis, its lines."""
 
     title: str
     axis: Axis
@@ -99,12 +99,12 @@ CHARTS = (
     ),
 )
 TIME = Axis("mission elapsed time", "s", span=(0.0, 1.0))
-#: Real-time factors that have a button, and what stands on it; 0: as fast as may be.
+#: Real-time factors with a button, and its text; 0: as fast as possible.
 PACES = ((1, "1"), (5, "5"), (10, "10"), (50, "50"), (0, "max"))
 
 
 def _items() -> tuple[Item, ...]:
-    """The charts, with nothing on them yet."""
+    """Return the charts without data."""
     return tuple(
         Item(
             f"figure-{k + 1}",
@@ -124,10 +124,10 @@ def _items() -> tuple[Item, ...]:
 
 @cache
 def render(query: str) -> str:
-    """The page.
+    """Render the page.
 
     Args:
-        query: what follows the path of every address of the server.
+        query: query string of every URL of the server.
     """
     items = _items()
     figures = [

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serves the page and its WebSocket from a thread of its own. No ROS.
+"""Serve the page and its WebSocket from a thread of its own. No ROS.
 
-Whoever reads slowly, or not at all, gets nothing new until it has taken what it was sent.
+A slow page gets nothing new until it has received the message before.
 """
 
 import asyncio
@@ -22,23 +22,23 @@ from tornado.ioloop import PeriodicCallback
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from ares_view.live.address import Door
+from ares_view.live.address import Access
 from ares_view.live.page import render
 from ares_view.live.story import Seen, Story
 
-#: Wall time in s between words to a page for which there is no news.
+#: Wall time in s between messages to a page without news.
 BEAT_PERIOD = 0.25
-#: Wall time in s after which a page that takes nothing is given up.
+#: Wall time in s after which a page that receives nothing is disconnected.
 SLOW_READER = 20.0
-#: Pages that may be open at a time, and length of what one may say.
+#: Most open pages; longest message of a page, bytes.
 MAX_PAGES = 16
 MAX_COMMAND = 1000
-#: Refusals that wait for a page; of more it gets the last ones.
+#: Refusals queued per page; beyond, the oldest are dropped.
 MAX_REFUSALS = 4
-#: Slowest and fastest real-time factor; 0 is as fast as may be.
+#: Slowest and fastest real-time factor; 0 is as fast as possible.
 PACES = (1e-3, 1e6)
 
-#: Nothing is loaded from elsewhere, nobody may frame the page or learn its address.
+#: Load nothing from elsewhere, forbid framing, send no referrer.
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self' 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; connect-src 'self'; base-uri 'none'; "
@@ -49,15 +49,15 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 
-#: Obeys a command: its name, its value, and whom to tell why it was refused.
+#: Executes a command: name, value, callback for the reason of a refusal.
 Obey = Callable[[str, float, Callable[[str], None]], None]
 
 
 def read_command(text: str | bytes) -> tuple[str, float]:
-    """A command of a page: `pause`, `play`, or `pace` with its value.
+    """Parse a command of a page: `pause`, `play`, or `pace` with its value.
 
     Raises:
-        ValueError: it is none; one line.
+        ValueError: it is invalid; one line.
     """
     try:
         said = json.loads(text)
@@ -77,7 +77,7 @@ def read_command(text: str | bytes) -> tuple[str, float]:
 
 
 class _Guarded(RequestHandler):
-    """Lets in who may come in."""
+    """Refuse requests with a wrong host name or token."""
 
     @property
     def live(self) -> "LiveServer":
@@ -85,10 +85,10 @@ class _Guarded(RequestHandler):
         return server
 
     def prepare(self) -> None:
-        door = self.live.door
-        if not door.knows(self.request.host):
+        access = self.live.access
+        if not access.accepts_host(self.request.host):
             raise HTTPError(403, reason="Not the name of this server")
-        if not door.admits(self.get_query_argument("token", "")):
+        if not access.accepts_token(self.get_query_argument("token", "")):
             raise HTTPError(403, reason="No, or a wrong token")
 
     def set_default_headers(self) -> None:
@@ -98,7 +98,7 @@ class _Guarded(RequestHandler):
 
 class _Page(_Guarded):
     def get(self) -> None:
-        self.finish(render(self.live.door.query))
+        self.finish(render(self.live.access.query))
 
 
 class _Plotly(_Guarded):
@@ -110,7 +110,7 @@ class _Plotly(_Guarded):
 
 
 class _Socket(_Guarded, WebSocketHandler):
-    """One open page."""
+    """Send the story to one open page and receive its commands."""
 
     def initialize(self) -> None:
         self._seen = Seen()
@@ -148,12 +148,12 @@ class _Socket(_Guarded, WebSocketHandler):
         self.live.obey(name, value, refuse)
 
     def refuse(self, reason: str) -> None:
-        """Say why a command was not obeyed, as soon as the page takes it."""
+        """Queue the reason of a refused command."""
         self._refusals.append(reason)
         self.send_news()
 
     def busy(self) -> bool:
-        """Whether the page has not even taken what it was sent before."""
+        """Tell whether the page has yet to receive the message before; disconnect a slow reader."""
         if self._sending is None or self._sending.done():
             return False
         if time.monotonic() - self._sent_at > SLOW_READER:
@@ -161,7 +161,7 @@ class _Socket(_Guarded, WebSocketHandler):
         return True
 
     def cut(self) -> None:
-        """End the connection, whether the page takes its end or not."""
+        """End the connection at once."""
         if self.ws_connection is not None and self.ws_connection.stream is not None:
             self.ws_connection.stream.close()
 
@@ -178,7 +178,7 @@ class _Socket(_Guarded, WebSocketHandler):
         self._sent_at = time.monotonic()
 
     def send_news(self, beat: bool = False) -> None:
-        """Send what the page does not have; if it has all, perhaps that this is so."""
+        """Send what the page lacks; if nothing, a heartbeat when `beat` is due."""
         if self.busy():
             return
         if self._refusals:
@@ -192,7 +192,7 @@ class _Socket(_Guarded, WebSocketHandler):
             self.send({"kind": "beat", "age_s": story.age()})
 
     async def say_goodbye(self) -> None:
-        """The last word: nothing comes any more."""
+        """Send the last news and the end, then close."""
         await self._taken()
         self.send_news()
         await self._taken()
@@ -206,30 +206,30 @@ class _Socket(_Guarded, WebSocketHandler):
 
 
 def _forget(sent: "asyncio.Future[None]") -> None:
-    # a page that closed meanwhile is nobody's error
+    # a page that has closed meanwhile is no error
     if not sent.cancelled():
         sent.exception()
 
 
 class LiveServer:
-    """The server, from its start to `close`.
+    """Run the server until `close`.
 
     Attributes:
-        door: who may come in.
-        story: what is shown.
+        access: access rules.
+        story: the flight shown.
         obey: gets commands, in the server's thread.
         sockets: the open pages.
     """
 
     def __init__(self, listener: socket.socket, story: Story, obey: Obey) -> None:
-        """Serve from now on.
+        """Start serving.
 
         Args:
-            listener: where.
-            story: what is shown.
+            listener: the listening socket.
+            story: the flight shown.
             obey: gets commands.
         """
-        self.door = Door.of(listener)
+        self.access = Access.of(listener)
         self.story = story
         self.obey = obey
         self.sockets: set[_Socket] = set()
@@ -241,18 +241,18 @@ class LiveServer:
 
     @property
     def pages(self) -> int:
-        """How many are open."""
+        """Return the number of open pages."""
         return len(self.sockets)
 
-    def spread(self) -> None:
-        """There is news: send it."""
+    def notify(self) -> None:
+        """Send the news to all pages."""
         self._loop.call_soon_threadsafe(self._send_all)
 
     def close(self, patience: float) -> None:
-        """Tell all pages that this is the end, and end.
+        """Send all pages the end, and stop.
 
         Args:
-            patience: wall time in s for them to take it.
+            patience: wall time in s for them to receive it.
         """
         self._loop.call_soon_threadsafe(self._over.set_result, patience)
         self._thread.join()
@@ -267,7 +267,7 @@ class LiveServer:
         except BaseException as error:
             if self._started.done():
                 raise
-            # who waits for the start is told
+            # the constructor waits for the start and raises this
             self._started.set_exception(error)
 
     async def _serve(self) -> None:

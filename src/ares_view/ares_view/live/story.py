@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a flight that is under way, for pages that come and go. No ROS.
+"""Hold the state of a flight under way for pages that come and go. No ROS.
 
-One thread tells, another reads: every method may be called by any.
+One thread writes, another reads: every method is safe to call from any.
 """
 
 import math
@@ -24,15 +24,15 @@ from ares_studies.flight_page.data import phase_name, states_of
 from ares_studies.flight_page.geometry import impact_track
 from ares_studies.flight_page.land import land_on
 
-#: As many states, and words of guidance, are kept of a flight.
+#: Most states, and most guidance statuses, kept of a flight.
 MAX_ROWS = 1500
 MAX_EVENTS = 500
-#: Texts of diagnostics that are kept.
+#: Most texts of diagnostics kept.
 MAX_COMPLAINTS = 100
-#: Where an Earth is needed and the mission is not known.
+#: Mission whose Earth is used while the flown one is unknown.
 _SOME_MISSION = "ares_v"
 
-#: What is shown of a state: name, where it comes from, factor, decimals.
+#: Columns shown of a state: name, source, factor, decimals.
 _STATES = (
     ("time_s", "time_s", 1.0, 3),
     ("altitude_km", "altitude_m", 1e-3, 4),
@@ -66,14 +66,14 @@ def _known(value: float, digits: int) -> float | None:
 
 
 class Rows:
-    """Rows in their order, numbered from 0; the last one is always there.
+    """Hold a bounded series of rows in order, numbered from 0; the last one is always kept.
 
-    When there are too many every second one goes, and of those to come every second one is
-    kept: those whose number is a multiple of the stride.
+    When it is full, every second row is dropped and the stride doubles: of the later rows, those
+    whose number is a multiple of the stride are kept.
     """
 
     def __init__(self, most: int = MAX_ROWS) -> None:
-        """No rows yet, and never more than `most`."""
+        """Start empty; keep `most` rows at most."""
         self.stride = 1
         self.count = 0
         self._most = most
@@ -81,7 +81,7 @@ class Rows:
         self._rows: list[Sequence[float | None]] = []
 
     def add(self, row: Sequence[float | None]) -> None:
-        """Take a row."""
+        """Append a row."""
         if self._numbers and self._numbers[-1] % self.stride:
             self._numbers.pop()
             self._rows.pop()
@@ -96,14 +96,14 @@ class Rows:
             self._rows = [self._rows[k] for k in kept]
 
     def since(self, number: int) -> list[tuple[int, Sequence[float | None]]]:
-        """What is left of the rows from a number on."""
+        """Return the kept rows from a number on, with their numbers."""
         first = bisect_right(self._numbers, number - 1)
         return list(zip(self._numbers[first:], self._rows[first:], strict=True))
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a page has got: of which flight, and how much."""
+    """Hold what a page has received: the flight, and the number of items of each kind."""
 
     flight: int = -1
     states: int = 0
@@ -114,10 +114,10 @@ class Seen:
 
 
 class Story:
-    """The flight that is shown."""
+    """Hold the flight shown."""
 
     def __init__(self) -> None:
-        """No flight yet."""
+        """Start without a flight."""
         self._lock = threading.RLock()
         self._flight = 0
         self._about_version = 0
@@ -152,40 +152,40 @@ class Story:
             "note": "",
         }
 
-    # ---- telling
+    # ---- written by the node
 
     def begin(self, flight_id: int, mission: Mission | None, note: str = "") -> None:
-        """Forget what was, another flight begins.
+        """Replace the flight by a new one.
 
         Args:
             flight_id: its identity.
-            mission: that is flown; None: not known.
-            note: something that the reader should know, one sentence.
+            mission: flown mission; None: unknown.
+            note: remark for the reader, one sentence.
         """
         with self._lock:
             self._begin(flight_id, mission)
             self._flight += 1
-            self._say(note=note)
+            self._update(note=note)
 
-    def _say(self, **words: Any) -> None:
+    def _update(self, **words: Any) -> None:
         if any(self._about[name] != word for name, word in words.items()):
             self._about |= words
             self._about_version += 1
 
-    def tell(self, **words: Any) -> None:
-        """Tell more about the flight: `law`, `pace`, `paused`, `rate`, `verdict`, `good`."""
+    def update(self, **words: Any) -> None:
+        """Update facts about the flight: `law`, `pace`, `paused`, `rate`, `verdict`, `good`."""
         with self._lock:
-            self._say(**words)
+            self._update(**words)
 
-    def may_control(self, controls: bool) -> None:
-        """Whether somebody obeys pause and pace."""
+    def set_controllable(self, controls: bool) -> None:
+        """Set whether a node accepts pause and pace."""
         with self._lock:
             if controls != self._controls:
                 self._controls = controls
                 self._about_version += 1
 
     def add_states(self, truth: Mapping[str, NDArray[Any]]) -> None:
-        """Take states, in their order.
+        """Add states, in order.
 
         Args:
             truth: columns of VehicleState, with `time` in s and `sequence`.
@@ -193,7 +193,7 @@ class Story:
         mission = self._mission
         earth = mission.earth()
         shown = states_of(truth, mission)
-        # the first state of a flight stands before its first command
+        # the first state precedes the first command, so its attitude is unknown
         for angle in (shown.pitch_deg, shown.yaw_deg):
             angle[truth["sequence"] == 0] = math.nan
         falls = impact_track(
@@ -214,7 +214,7 @@ class Story:
             self._heard_at = time.monotonic()
 
     def _note_phase(self, truth: Mapping[str, NDArray[Any]], i: int) -> None:
-        """A phase goes from one change of arc or of what is on board to the next."""
+        """Start a new phase when the arc or the set of jettisoned parts changes."""
         now = int(truth["arc"][i]), int(truth["jettisoned"][i])
         if now != self._phase:
             self._phase = now
@@ -228,12 +228,12 @@ class Story:
             self._about_version += 1
 
     def add_status(self, row: Mapping[str, float], position: Any, velocity: Any) -> None:
-        """Take what guidance says of a cycle.
+        """Add a guidance status.
 
         Args:
             row: `time_s`, `time_to_go_s`, `cutoff_s`, `iterations`.
             position: predicted at cut-off, shape (3,), m.
-            velocity: the same, m/s.
+            velocity: predicted at cut-off, shape (3,), m/s.
         """
         x, y, z = position
         height = altitude((float(x), float(y), float(z)), self._environment)
@@ -243,7 +243,7 @@ class Story:
             self._statuses.add([_known(numbers[name], 4) for name in STATUS_FIELDS])
 
     def add_event(self, kind: int, index: int, moment: float, mass_kg: float) -> None:
-        """Take an event: its type, its index, when, s, and the mass after it."""
+        """Add an event: type, index, flight time, s, mass after it, kg."""
         mission = self._mission
         names: tuple[Sequence[str], ...] = ((), (), ())
         if self._mission_known:
@@ -261,10 +261,10 @@ class Story:
                 }
             )
             if kind in ENDS:
-                self._say(end=EVENT_NAMES[kind])
+                self._update(end=EVENT_NAMES[kind])
 
     def add_complaint(self, moment: float, level: str, node: str, text: str) -> None:
-        """Take a warning or an error of a node; each text is kept once, with how often."""
+        """Add a warning or an error of a node; each text is stored once, with its count."""
         with self._lock:
             known = self._complaints.get((level, node, text))
             if known is None and len(self._complaints) < MAX_COMPLAINTS:
@@ -273,26 +273,26 @@ class Story:
                 known[1] += 1
             self._complaint_version += 1
 
-    # ---- reading
+    # ---- read by the server
 
     @property
     def ended(self) -> bool:
-        """The end of the flight was seen."""
+        """Return whether the end of the flight was seen."""
         return bool(self._about["end"])
 
     def age(self) -> float | None:
-        """Wall time since the last state, s; None before the first."""
+        """Return the wall time since the last state, s; None before the first."""
         heard = self._heard_at
         return None if heard is None else time.monotonic() - heard
 
     def news(self, seen: Seen) -> tuple[dict[str, Any] | None, Seen]:
-        """What a page does not have yet; None if it has all.
+        """Return what a page lacks; None if nothing.
 
         Args:
-            seen: what it has.
+            seen: what it has received.
 
         Returns:
-            The message, and what the page has then.
+            The message, and what the page has received after it.
         """
         with self._lock:
             whole = seen.flight != self._flight

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A flight in messages that every ROS tool knows."""
+"""A flight in standard ROS messages."""

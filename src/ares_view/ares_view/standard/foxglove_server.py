@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A WebSocket server that gives Foxglove and Lichtblick messages as they come. No ROS graph."""
+"""Send messages to Foxglove and Lichtblick over a WebSocket. No ROS graph."""
 
 from collections import deque
 from typing import Any
@@ -13,17 +13,17 @@ HOST = "127.0.0.1"
 
 
 class FoxgloveServer(ServerListener):
-    """Channels of ROS 2 messages, as they are in a bag: CDR, with `ros2msg` definitions.
+    """Serve channels of ROS 2 messages as in a bag: CDR with `ros2msg` definitions.
 
-    What a late reader of a topic would get in ROS 2, a late client of its channel gets here.
+    A late client gets the messages that a late subscription would get in ROS 2.
     """
 
     def __init__(self, name: str, port: int) -> None:
-        """Open the server.
+        """Start the server.
 
         Args:
             name: shown by clients.
-            port: of this machine; others cannot connect.
+            port: on loopback.
 
         Raises:
             RuntimeError: the port cannot be opened.
@@ -46,7 +46,7 @@ class FoxgloveServer(ServerListener):
         Args:
             topic: full name.
             type_name: `package/msg/Name`.
-            keep: messages that clients get who come later.
+            keep: number of latest messages sent to late clients.
         """
         text = message_definition(type_name).encode()
         schema = foxglove.Schema(name=type_name, encoding="ros2msg", data=text)
@@ -56,33 +56,33 @@ class FoxgloveServer(ServerListener):
         )
 
     def send(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Send a serialised message.
+        """Send a serialized message.
 
         Args:
             topic: of a channel.
-            stamp_ns: flight time, ns; a negative one counts as zero: there is no such log time.
-            data: as a publisher or a bag has it.
+            stamp_ns: flight time, ns; a negative one becomes zero, since log times are unsigned.
+            data: CDR with its encapsulation header.
         """
         stamp_ns = max(stamp_ns, 0)
         self._kept[topic].append((stamp_ns, data))
         self._channels[topic].log(data, log_time=stamp_ns)
 
-    def tell_time(self, stamp_ns: int) -> None:
-        """Tell the clients what time it is, ns; see `send`."""
+    def broadcast_time(self, stamp_ns: int) -> None:
+        """Broadcast the flight time, ns; see `send`."""
         self._server.broadcast_time(max(stamp_ns, 0))
 
-    def begin_anew(self) -> None:
-        """Another flight: clients forget the one before."""
+    def clear(self) -> None:
+        """Clear the messages of the previous flight, also in the clients."""
         for kept in self._kept.values():
             kept.clear()
         self._server.clear_session()
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving."""
         self._server.stop()
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Called by the server, in a thread of its own."""
-        # the others get it a second time, which changes nothing
+        """Send a late client the messages kept of a channel; runs in the server's thread."""
+        # the channel sends to all its clients: earlier ones get a duplicate, which is harmless
         for stamp_ns, data in list(self._kept.get(channel.topic, ())):
             self._channels[channel.topic].log(data, log_time=stamp_ns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of a flight: which there are, and how one lies in another. No ROS."""
+"""Compute the frames of a flight and their transforms. No ROS."""
 
 import math
 from dataclasses import dataclass
@@ -19,39 +19,40 @@ EARTH = "earth"
 
 @dataclass(frozen=True)
 class Frames:
-    """Names of the frames of one flight.
+    """Name the frames of one flight.
 
     Attributes:
-        prefix: of all but that of the Earth; ends with a slash, or is empty.
+        prefix: of all frames except that of the Earth; ends with a slash, or is empty.
     """
 
     prefix: str = ""
 
     @property
     def eci(self) -> str:
-        """Earth-centred, inertial, fixed at the mission's epoch."""
+        """Return the inertial frame: Earth-centred, fixed at the mission's epoch."""
         return f"{self.prefix}ares_eci"
 
     @property
     def start(self) -> str:
-        """East, north, up on the ellipsoid below the first state; fixed to the Earth."""
+        """Return the launch frame: east, north, up on the ellipsoid below the first state."""
         return f"{self.prefix}ares_start"
 
     @property
     def vehicle(self) -> str:
-        """In the vehicle: x along the thrust, y to the left, z up, as far as the thrust lets it."""
+        """Return the vehicle frame: x along the thrust, y left, z closest to up."""
         return f"{self.prefix}ares_vehicle"
 
 
-#: Sine of the angle between thrust and orbit normal below which that normal says nothing.
+#: Sine of the angle between thrust and orbit normal below which the normal defines no axis.
 _ALONG = 1e-6
 
 
 def vehicle_axes(position: ArrayLike, velocity: ArrayLike, direction: ArrayLike) -> Matrix:
-    """Axes of the vehicle to inertial axes.
+    """Compute the rotation from vehicle axes to inertial axes.
 
-    x is the thrust direction; y the part of the orbit normal r x v that is normal to it, to the
-    left of who flies with the local vertical above; z = x cross y. Roll is not simulated.
+    x is the thrust direction; y the component of the orbit normal r x v orthogonal to it, to the
+    left of a pilot facing forward with the local vertical above; z = x cross y. Roll is not
+    simulated.
 
     Args:
         position: inertial, m, shape (3,).
@@ -59,7 +60,8 @@ def vehicle_axes(position: ArrayLike, velocity: ArrayLike, direction: ArrayLike)
         direction: of the thrust, unit vector, shape (3,).
 
     Returns:
-        Shape (3, 3), T_inertial_from_vehicle. Thrust along the normal takes the vertical for it.
+        Shape (3, 3), T_inertial_from_vehicle. If the thrust is along the normal, y is derived from
+        the vertical instead.
     """
     r = np.asarray(position, dtype=np.float64)
     ahead = np.asarray(direction, dtype=np.float64)
@@ -73,18 +75,18 @@ def vehicle_axes(position: ArrayLike, velocity: ArrayLike, direction: ArrayLike)
 
 
 def start_axes(latitude_deg: float, longitude_deg: float) -> Matrix:
-    """East, north, up at a geodetic place to Earth-fixed axes, shape (3, 3)."""
+    """Compute the rotation from east, north, up at a geodetic place to Earth-fixed axes, (3, 3)."""
     return inertial_from_east_north_up(math.radians(latitude_deg), math.radians(longitude_deg))
 
 
 def quaternion(matrix: Matrix) -> Quaternion:
-    """The rotation of a matrix as x, y, z, w, of unit length; w is not negative.
+    """Convert a rotation matrix to a unit quaternion x, y, z, w with w >= 0.
 
     Args:
         matrix: orthonormal, shape (3, 3), T_parent_from_child.
     """
     m = matrix.tolist()
-    # the largest of the four is found first, so that nothing is divided by a small number
+    # divide by the largest of the four components, for accuracy
     squares = [
         1.0 + m[0][0] - m[1][1] - m[2][2],
         1.0 - m[0][0] + m[1][1] - m[2][2],
@@ -104,12 +106,12 @@ def quaternion(matrix: Matrix) -> Quaternion:
 
 
 def turn_rate(before: Array, after: Array, seconds: float) -> Array:
-    """Angular velocity that takes one direction into another, shape (3,), rad/s.
+    """Compute the angular velocity that turns one direction into another, shape (3,), rad/s.
 
     Args:
         before: unit vector, shape (3,).
         after: unit vector, shape (3,).
-        seconds: between them; zero if there is none before.
+        seconds: time between them, s; zero if there is no direction before.
     """
     axis = np.cross(before, after)
     sine = float(np.linalg.norm(axis))

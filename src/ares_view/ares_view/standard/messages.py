@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is shown of a flight, as messages that every ROS tool knows."""
+"""Convert states and events of a flight to standard ROS messages."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,7 +32,7 @@ from ares_view.standard.frames import (
     vehicle_axes,
 )
 
-#: Lengths in the picture, m: of the arrow along the thrust, of the letters of an event.
+#: Lengths in the 3D view, m: arrow along the thrust, letters of an event.
 ARROW_LENGTH = 400e3
 LETTERS = 50e3
 
@@ -43,7 +43,7 @@ _INK = ColorRGBA(r=0.95, g=0.95, b=0.95, a=1.0)
 
 
 def header(stamp_ns: int, frame: str) -> Header:
-    """A header at a flight time in ns."""
+    """Make a header with a flight time in ns."""
     return Header(stamp=stamp_from_ns(stamp_ns), frame_id=frame)
 
 
@@ -65,7 +65,7 @@ def _rotation(matrix: Matrix) -> Quaternion:
 def _transform(
     stamp_ns: int, parent: str, child: str, origin: Sequence[float] | Array, axes: Matrix
 ) -> TransformStamped:
-    """A frame in another: its origin, and its axes in components of the parent."""
+    """Make the transform of a frame: its origin and axes in components of the parent."""
     message = TransformStamped(header=header(stamp_ns, parent), child_frame_id=child)
     message.transform.translation = _vector(origin)
     message.transform.rotation = _rotation(axes)
@@ -73,7 +73,7 @@ def _transform(
 
 
 def moving_frames(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
-    """Place the inertial axes on the turning Earth, and the vehicle in them.
+    """Make the transforms of the inertial frame in the Earth's, and of the vehicle in the inertial.
 
     Args:
         frames: names of the flight's frames.
@@ -94,7 +94,7 @@ def moving_frames(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> TF
 
 
 def fixed_frames(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
-    """The place of the start, from the first state; arguments as for `moving_frames`."""
+    """Make the transform of the launch frame from the first state; see `moving_frames`."""
     place = fix(frames, stamp_ns, state, earth)
     origin = earth_fixed_place(place.latitude, place.longitude, 0.0, earth)
     axes = start_axes(place.latitude, place.longitude)
@@ -102,7 +102,7 @@ def fixed_frames(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> TFM
 
 
 def pose(frames: Frames, stamp_ns: int, state: Any) -> PoseStamped:
-    """Position and axes of the vehicle in the inertial frame."""
+    """Make the position and axes of the vehicle in the inertial frame."""
     message = PoseStamped(header=header(stamp_ns, frames.eci))
     axes = vehicle_axes(state["position"], state["velocity"], state["thrust_direction"])
     message.pose.position = _point(state["position"])
@@ -111,7 +111,7 @@ def pose(frames: Frames, stamp_ns: int, state: Any) -> PoseStamped:
 
 
 def twist(frames: Frames, stamp_ns: int, state: Any, turn: Array) -> TwistStamped:
-    """Inertial velocity and the turn of the thrust axis, in components of inertial axes.
+    """Make the inertial velocity and the rate of the thrust axis, in inertial components.
 
     Args:
         frames: names of the flight's frames.
@@ -126,7 +126,7 @@ def twist(frames: Frames, stamp_ns: int, state: Any, turn: Array) -> TwistStampe
 
 
 def fix(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> NavSatFix:
-    """Geodetic place of the vehicle on the mission's ellipsoid; its covariance is not known."""
+    """Make the geodetic position on the mission's ellipsoid; its covariance is unknown."""
     time, position = np.array([stamp_ns / NANOSECONDS]), np.array([state["position"]])
     place = geodetic(time, position, earth)
     return NavSatFix(
@@ -140,7 +140,7 @@ def fix(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> NavSatFix:
 
 
 def path(frames: Frames, stamp_ns: int, points: Sequence[PoseStamped]) -> Path:
-    """The way so far, in the inertial frame."""
+    """Make the trajectory so far, in the inertial frame."""
     return Path(header=header(stamp_ns, frames.eci), poses=list(points))
 
 
@@ -156,12 +156,12 @@ def _marker(stamp_ns: int, frame: str, space: str, number: int, kind: int) -> Ma
 
 
 def nothing(frames: Frames, stamp_ns: int) -> Marker:
-    """Takes all markers of a flight before away."""
+    """Make a marker that deletes all markers of a previous flight."""
     return Marker(header=header(stamp_ns, frames.eci), action=Marker.DELETEALL)
 
 
 def globe(stamp_ns: int, earth: Earth) -> Marker:
-    """The mission's ellipsoid."""
+    """Make the marker of the mission's ellipsoid."""
     message = _marker(stamp_ns, EARTH, "earth", 0, Marker.SPHERE)
     wide, high = 2.0 * earth.equatorial_radius, 2.0 * earth.polar_radius
     message.scale = _vector((wide, wide, high))
@@ -170,7 +170,7 @@ def globe(stamp_ns: int, earth: Earth) -> Marker:
 
 
 def arrow(frames: Frames, stamp_ns: int, burns: bool) -> Marker:
-    """The vehicle: an arrow along its thrust, grey while no engine burns."""
+    """Make the marker of the vehicle: an arrow along its thrust, grey while no engine burns."""
     message = _marker(stamp_ns, frames.vehicle, "vehicle", 0, Marker.ARROW)
     message.scale = _vector((ARROW_LENGTH, 0.15 * ARROW_LENGTH, 0.15 * ARROW_LENGTH))
     message.color = _FLAME if burns else _COAST
@@ -180,7 +180,7 @@ def arrow(frames: Frames, stamp_ns: int, burns: bool) -> Marker:
 def label(
     frames: Frames, stamp_ns: int, number: int, position: Sequence[float], text: str
 ) -> Marker:
-    """An event, written where it happened."""
+    """Make the marker of an event: its text at its position."""
     message = _marker(stamp_ns, frames.eci, "events", number, Marker.TEXT_VIEW_FACING)
     message.pose.position = _point(position)
     message.scale.z = LETTERS

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""View node: a flight in standard messages, for RViz, maps and whatever else knows them."""
+"""Publish a flight in standard messages, for RViz, maps and other tools: the view node."""
 
 import math
 import struct
@@ -67,7 +67,7 @@ FIX = "fix"
 PATH = "path"
 MARKER = "marker"
 
-#: Topics, types and QoS of what is published; that of /tf and /tf_static is tf2's.
+#: Topics published, with type and QoS; that of /tf and /tf_static is tf2's.
 PUBLISHED = {
     POSE: (PoseStamped, reliable(10)),
     TWIST: (TwistStamped, reliable(10)),
@@ -77,7 +77,7 @@ PUBLISHED = {
     TF: (TFMessage, reliable(100)),
     TF_STATIC: (TFMessage, reliable(1, keep_for_late=True)),
 }
-#: Messages of the flight itself that Foxglove gets besides, and how many a late client gets.
+#: Messages of the flight forwarded to Foxglove, and how many a late client gets.
 FORWARDED = {
     VEHICLE_STATE: (VehicleState, 1),
     NAV_STATE: (NavState, 1),
@@ -86,7 +86,7 @@ FORWARDED = {
     FLIGHT_EVENT: (FlightEvent, EVENTS.depth),
     DIAGNOSTICS: (DiagnosticArray, EVENTS.depth),
 }
-#: What is asked of the states: nobody sends one again for a viewer, and the newest are enough.
+#: QoS of the states: best effort and a short queue, so that a viewer never slows the flight.
 GLIMPSE = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=10,
@@ -100,7 +100,7 @@ PATH_PERIOD = 1.0
 SILENCE = 5.0
 
 ENDS = (FlightEvent.FLIGHT_COMPLETE, FlightEvent.IMPACT, FlightEvent.TIME_LIMIT)
-#: Events that are written into the picture.
+#: Events labelled in the 3D view.
 LABELS = {
     FlightEvent.IGNITION: "ignition",
     FlightEvent.STAGING: "staging",
@@ -160,18 +160,19 @@ PARAMETERS = (
 
 @dataclass
 class Shown:
-    """The flight that is shown.
+    """Hold the flight shown.
 
     Attributes:
         flight_id: its identity.
-        mission: whose Earth and names it has.
+        mission: source of its Earth and names.
         trail: its path.
         last_ns: stamp of its latest state; None before the first.
+        shown_ns: stamp of the state shown last; None before the first.
         direction: of the thrust in the state shown last.
         burns: whether an engine burnt then; None before.
-        labels: events written so far.
-        begun: its first event has come.
-        over: its last event has come.
+        labels: number of events labelled.
+        begun: its first event was received.
+        over: its last event was received.
     """
 
     flight_id: int
@@ -187,20 +188,20 @@ class Shown:
 
 
 class ViewNode(FlightNode):
-    """Turns vehicle states and events of one flight into standard messages.
+    """Convert vehicle states and events of one flight to standard messages.
 
-    It takes no part in the flight: nobody waits for it, and it may come and go. Of states that
-    come faster than it shows them it takes the newest; points of the path are taken from all.
+    It is no member of the flight: no node waits for it, and it may start and stop at any time. It
+    shows the newest state at its rate; the path is built from all states received.
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        """Declare the parameters; everything else waits for `configure`."""
+        """Declare the parameters."""
         super().__init__("view", parameters=PARAMETERS, **kwargs)
         self._shown: Shown | None = None
 
     @property
     def flight_id(self) -> int:
-        """The flight that is shown; 0 for none."""
+        """Return the identity of the flight shown; 0 for none."""
         return self._shown.flight_id if self._shown else 0
 
     def configure(self) -> None:
@@ -218,7 +219,7 @@ class ViewNode(FlightNode):
         }
 
     def activate(self) -> None:
-        """Listen."""
+        """Subscribe."""
         self._shown = None
         self._waiting: tuple[int, Any, bytes] | None = None
         self._forwarded = dict.fromkeys((NAV_STATE, THRUST_COMMAND), -math.inf)
@@ -234,11 +235,11 @@ class ViewNode(FlightNode):
         ]
         if self._foxglove is not None:
             self._inputs += self._more_inputs()
-        # what came last before a pause is shown too
+        # the timer shows the last state before a pause
         self._timer = self.wall_timer(self._period, self._on_timer)
 
     def deactivate(self) -> None:
-        """Listen no more; what has come is shown."""
+        """Show the last messages and unsubscribe."""
         self._show_the_rest()
         self.destroy_timer(self._timer)
         for subscription in self._inputs:
@@ -252,10 +253,10 @@ class ViewNode(FlightNode):
             self._foxglove.close()
 
     def drain(self, executor: Executor) -> None:
-        """Show what came last."""
+        """Show the last messages."""
         self._show_the_rest()
 
-    # ---- which flight
+    # ---- choice of the flight
 
     def _on_member(self, member: FlightMember) -> None:
         if member.role == Role.VEHICLE_SIM and member.flight_id:
@@ -264,11 +265,11 @@ class ViewNode(FlightNode):
                 del self._missions[next(iter(self._missions))]
 
     def _admitted(self, flight_id: int, again: bool) -> Shown | None:
-        """The flight that is shown if this one is it, or becomes it.
+        """Return the flight shown if a message belongs to it, or switches to its flight; else None.
 
         Args:
-            flight_id: of a message.
-            again: the message says that its flight begins anew.
+            flight_id: of the message.
+            again: the message shows that its flight starts again.
         """
         shown = self._shown
         if shown is not None and flight_id == shown.flight_id and not again:
@@ -281,11 +282,11 @@ class ViewNode(FlightNode):
         return self._begin(flight_id)
 
     def _begin(self, flight_id: int) -> Shown:
-        """Show a flight from its beginning, in place of the one before."""
+        """Show a flight from its beginning, in place of the previous one."""
         mission, name = self._mission, self._missions.get(flight_id, "")
         complaint = ""
         if name and name != mission.name:
-            # not a path: what comes over the graph opens no file
+            # shipped missions only: a name from the graph must not open a file
             if name in list_missions():
                 mission = load_mission(name)
             else:
@@ -293,13 +294,13 @@ class ViewNode(FlightNode):
         self._waiting = None
         self._shown = Shown(flight_id, mission, Trail(self.values["path_points"]))
         if self._foxglove is not None:
-            self._foxglove.begin_anew()
+            self._foxglove.clear()
         self._publish(MARKER, messages.nothing(self._frames, 0))
         if complaint:
             self.diagnostics.report(Level.WARN, complaint, 0)
         return self._shown
 
-    # ---- what comes
+    # ---- subscriptions
 
     def _on_state(self, data: bytes) -> None:
         stamp_ns, flight_id, _, state = self._states.read(data)
@@ -345,7 +346,7 @@ class ViewNode(FlightNode):
         if self._path_due and now - self._last_path >= PATH_PERIOD:
             self._show_path()
 
-    # ---- what is shown
+    # ---- publications
 
     def _publish(self, topic: str, message: Any, stamp_ns: int = 0) -> None:
         self._out[topic].publish(message)
@@ -381,7 +382,7 @@ class ViewNode(FlightNode):
             self._publish(MARKER, messages.arrow(self._frames, stamp_ns, burns), stamp_ns)
         self._forward(VEHICLE_STATE, stamp_ns, data)
         if self._foxglove is not None:
-            self._foxglove.tell_time(stamp_ns)
+            self._foxglove.broadcast_time(stamp_ns)
 
     def _show_path(self) -> None:
         shown = self._shown
@@ -399,7 +400,7 @@ class ViewNode(FlightNode):
     # ---- Foxglove
 
     def _open(self, port: int) -> "FoxgloveServer | None":
-        """The server, with its channels; None where no port is named."""
+        """Start the server with its channels; None without a port."""
         if not port:
             return None
         if (reason := unmet("ares_view", "pages")) is not None:
@@ -420,7 +421,7 @@ class ViewNode(FlightNode):
         return server
 
     def _more_inputs(self) -> list[Any]:
-        """What only Foxglove gets: state and command thinned, all of the others."""
+        """Subscribe to what only Foxglove gets: states and commands thinned, the rest complete."""
         kinds = ((NAV_STATE, GLIMPSE), (THRUST_COMMAND, GLIMPSE), (GUIDANCE_STATUS, FLIGHT))
         return [
             *(
@@ -450,13 +451,13 @@ class ViewNode(FlightNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         if any(map(is_heartbeat, message.status)):
-            # stamped by another clock than all that is shown
+            # heartbeats are stamped by the wall clock
             return
         if not any(of_another_flight(status, self.flight_id) for status in message.status):
             self._forward(DIAGNOSTICS, ns_from_stamp(message.header.stamp), message)
 
     def _forward(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """Send a message, serialised or not, to Foxglove."""
+        """Send a message, serialized or not, to Foxglove."""
         if self._foxglove is not None:
             data = message if isinstance(message, bytes) else serialize_message(message)
             self._foxglove.send(self.resolve_topic_name(topic), stamp_ns, data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The way of a flight in a bounded number of points. No ROS."""
+"""Hold the path of a flight in a bounded number of points. No ROS."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,30 +8,30 @@ from ares_node.time import NANOSECONDS
 
 
 class Trail:
-    """Points evenly spread in flight time, of the whole flight, never more than so many.
+    """Hold points evenly spread in flight time over the whole flight, in bounded number.
 
-    When they get too many every second one goes, and from then on they are twice as far apart.
+    When there are too many, every second one is dropped and their spacing doubles.
 
     Attributes:
         points: the points so far.
     """
 
     def __init__(self, most: int) -> None:
-        """No points yet; 2 at least are kept."""
+        """Start empty; keep `most` points at most, 2 at least."""
         self.points: list[Any] = []
         self._most = most
         self._step_ns = NANOSECONDS
         self._due_ns: int | None = None
 
     def offer(self, stamp_ns: int, make: Callable[[], Any]) -> bool:
-        """Take a point if one is due.
+        """Append a point if one is due.
 
         Args:
             stamp_ns: flight time, ns.
             make: makes the point.
 
         Returns:
-            Whether it was taken.
+            Whether it was appended.
         """
         if self._due_ns is not None and stamp_ns < self._due_ns:
             return False

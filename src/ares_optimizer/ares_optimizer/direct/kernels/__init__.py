@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: the flight with its tangents, SQP."""
+"""Hold compiled functions: the flight with its tangents, SQP."""

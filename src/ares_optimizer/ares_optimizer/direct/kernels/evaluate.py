@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Objective and constraints of the finite problem, with gradients."""
+"""Evaluate objective and constraints of the finite problem, with gradients."""
 
 import math
 from typing import NamedTuple
@@ -37,12 +37,12 @@ from ares_optimizer.kernels.nystroem import STAGES
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 
 _INACTIVE = -1.0
-# a jettison comes at least this long before the cut-off, s
+# least time from a jettison to the cut-off, s
 _MARGIN = 0.1
 
 
 class Point(NamedTuple):
-    """Objective's gradient and the constraints at a point.
+    """Hold the constraints and the gradients at a point.
 
     Attributes:
         gradient: shape (n,), of the objective.
@@ -61,7 +61,7 @@ class Point(NamedTuple):
 
 @kernel
 def most_breaks(problem: Problem) -> int:
-    """Most breaks that ``lay_out`` can come to: of each kind all, and the cut-off."""
+    """Return the most breaks that ``lay_out`` can write for a problem."""
     pieces = problem.profile.shape[0] + problem.tail.shape[0]
     laws = problem.laws.shape[0] + 2 * problem.held.shape[0]
     return pieces + laws + problem.drops.shape[0] + PEAKS + 1
@@ -69,7 +69,7 @@ def most_breaks(problem: Problem) -> int:
 
 @allocating
 def make_scratch(problem: Problem) -> Scratch:
-    """Room for one problem."""
+    """Allocate the work arrays for one problem."""
     n = problem.variables
     d = problem.drops.shape[0] + PEAKS
     breaks = most_breaks(problem)
@@ -92,12 +92,12 @@ def make_scratch(problem: Problem) -> Scratch:
 
 @allocating
 def count_rows(problem: Problem) -> tuple[int, int]:
-    """Numbers of equations and of inequalities.
+    """Return the numbers of equations and of inequalities.
 
-    Equations: terminal rows, then |B| = 1 (Eq. 3.42) per free or held direction. Inequalities: per
-    free drop the heating limit, not before its earliest time, and before the cut-off; that
-    free drops keep their order; bounds of the cut-off time; where the limit holds from the
-    jettison on, the heating at PEAKS later peaks.
+    Equations: terminal rows, then |B| = 1 (Eq. 3.42) per free or held direction. Inequalities:
+    three per free drop (heating limit, earliest time, cut-off as latest time); one per pair of
+    successive free drops (their order); two bounds of the cut-off time; where the limit holds
+    from the jettison on, the heating at PEAKS later peaks.
     """
     c = np.empty(MAX_ROWS)
     rows = np.empty((MAX_ROWS, 6))
@@ -118,7 +118,7 @@ def count_rows(problem: Problem) -> tuple[int, int]:
 
 @allocating
 def make_point(problem: Problem) -> Point:
-    """Room for the values at one point."""
+    """Allocate the values at one point."""
     n = problem.variables
     e, i = count_rows(problem)
     return Point(np.zeros(n), np.zeros(e), np.zeros((e, n)), np.zeros(i), np.zeros((i, n)))
@@ -126,14 +126,14 @@ def make_point(problem: Problem) -> Point:
 
 @kernel
 def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, columns: int) -> float:
-    """Log heating at a node, and its gradient by the variables.
+    """Return log heating at a node and write its gradient by the variables.
 
     Args:
         state: shape (>= 7,), from ``fly``.
         tangents: shape (6, n).
         problem: the flight.
         row: shape (n,), written if ``columns`` is not 0.
-        columns: n or 0.
+        columns: n with gradients, 0 without.
     """
     value, by_position, by_velocity = log_heating_gradient(
         load(state[1:]), load(state[4:]), problem.environment[0], problem.atmosphere
@@ -148,7 +148,7 @@ def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, col
 
 @kernel
 def unit_equation(e: int, column: int, columns: int, p: Array, point: Point) -> None:
-    """Equation ``e``: a direction has the length 1."""
+    """Write equation ``e``: a direction has unit length."""
     square = 0.0
     for c in range(3):
         square += p[column + c] * p[column + c]
@@ -162,7 +162,7 @@ def unit_equation(e: int, column: int, columns: int, p: Array, point: Point) -> 
 
 @kernel
 def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Point) -> None:
-    """The equations: terminal rows, then |B| = 1 (Eq. 3.42) per free or held direction."""
+    """Write the terminal rows, then |B| = 1 (Eq. 3.42) per free or held direction."""
     columns = scratch.counts[COLUMNS]
     equations = point.equations
     equation_rows = point.equation_rows
@@ -188,7 +188,7 @@ def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Poin
 
 @kernel
 def drop_inequalities(p: Array, problem: Problem, scratch: Scratch, point: Point) -> int:
-    """Limits of the free drops and of the cut-off; number of rows written."""
+    """Write the limits of the free drops and of the cut-off; return the row count."""
     columns = scratch.counts[COLUMNS]
     inequalities = point.inequalities
     rows = point.inequality_rows
@@ -226,7 +226,10 @@ def drop_inequalities(p: Array, problem: Problem, scratch: Scratch, point: Point
 def peak_inequalities(
     first: int, p: Array, problem: Problem, scratch: Scratch, point: Point
 ) -> None:
-    """The heating at later peaks, from row ``first`` on; the last may be the end of thrust."""
+    """Write the heating at later peaks, from row ``first`` on.
+
+    The last peak may be the end of thrust. Unused rows are inactive.
+    """
     columns = scratch.counts[COLUMNS]
     peaks = scratch.counts[LATER_PEAKS]
     drops = problem.drops.shape[0]
@@ -247,7 +250,7 @@ def peak_inequalities(
 
 @kernel
 def _evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
-    """Values, and the gradients that the COLUMNS of ``scratch`` ask for."""
+    """Fly and evaluate, with the gradients that the COLUMNS of ``scratch`` ask for."""
     columns = scratch.counts[COLUMNS]
     drops = problem.drops.shape[0]
     path = problem.heating == HEATING_FROM_JETTISON and drops > 0
@@ -278,7 +281,7 @@ def _evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> flo
         point.gradient[j] = 0.0
     last = problem.variables - 1
     if problem.objective == MINIMISE_HEATING and drops > 0:
-        # the limit of the last drop is what is being pushed down
+        # the heating at the last drop is the objective, not a constraint
         row = 3 * (drops - 1)
         value = point.inequalities[row] + problem.drops[drops - 1, D_LOG_LIMIT]
         point.inequalities[row] = _INACTIVE
@@ -293,7 +296,7 @@ def _evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> flo
 
 @kernel
 def evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
-    """Fly and evaluate: values only.
+    """Fly and evaluate without gradients.
 
     Args:
         p: shape (n,).
@@ -311,6 +314,6 @@ def evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> floa
 
 @kernel
 def evaluate_with_gradients(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
-    """As :func:`evaluate`; gradients are written too."""
+    """Fly and evaluate with gradients; arguments and result as :func:`evaluate`."""
     scratch.counts[COLUMNS] = problem.variables
     return _evaluate(p, problem, scratch, point)

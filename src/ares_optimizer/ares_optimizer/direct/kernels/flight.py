@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight as a function of the steering parameters, with exact first derivatives.
+"""Integrate the flight for given steering parameters, with exact first derivatives.
 
-Thrust enters Eq. 2.1 as a known function of time, so the motion is r'' = g(r) + q(t): a
-Nystroem method needs no velocity in its stages (``kernels/nystroem.py``): five gravities per
-step.
-Derivatives are those of the discrete method itself: every stage carries the tangents of
-its position, including those of the step length where an end of a leg is free in time.
-Where a leg begins or ends at a free time, tangents are total ones, of the moving node. A burn in
-held attitude has a law of its own; the others go on unseen below it.
+Thrust enters Eq. 2.1 as a known function of time, so the motion is r'' = g(r) + q(t). A Nystroem
+method (``kernels/nystroem.py``) needs no velocity in its stages and five gravities per step.
+Derivatives are those of the discrete method: every stage carries the tangents of its position,
+those of the step length included where a leg ends at a free time. Tangents at such an end are
+total derivatives at the moving node. A burn in held attitude has a law of its own, which overrides
+the law in force; that one continues afterwards.
 """
 
 import math
@@ -40,7 +39,7 @@ from ares_optimizer.direct.kernels.problem import (
 from ares_optimizer.kernels.algebra import Array, Index
 from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
 
-# what a break is
+# kinds of breaks
 PIECE = 0
 LAW = 1
 DROP = 2
@@ -65,7 +64,7 @@ N_COLUMNS = 14
 
 @kernel
 def gravity_gradient(r: Vector, environment: Record) -> tuple[Vector, Vector, Vector]:
-    """Gravity m/s2, and the six entries of its gradient, 1/s2: (xx, xy, xz), (yy, yz, zz)."""
+    """Return gravity, m/s2, and its gradient, 1/s2: (xx, xy, xz), (yy, yz, zz)."""
     square = dot(r, r)
     radius = math.sqrt(square)
     k = environment.mu / (square * radius)
@@ -104,11 +103,11 @@ def gravity_gradient(r: Vector, environment: Record) -> tuple[Vector, Vector, Ve
 
 @kernel
 def drop_column(problem: Problem, j: int) -> int:
-    """Column of the time of drop ``j``."""
+    """Return the column of the time of drop ``j``."""
     return problem.variables - 1 - problem.drops.shape[0] + j
 
 
-#: What ``Scratch.counts`` counts.
+# indices into ``Scratch.counts``
 BREAKS = 0
 STORED = 1
 LATER_PEAKS = 2
@@ -116,10 +115,10 @@ COLUMNS = 3
 
 
 class Scratch(NamedTuple):
-    """What a flight and its evaluation write: room for one problem.
+    """Hold the work arrays of a flight and its evaluation, sized for one problem.
 
     Attributes:
-        times, breaks: order of events.
+        times, breaks: events in order of time, see :func:`lay_out`.
         work: scratch of the integration.
         nodes: shape (k, N_COLUMNS), room for every step of every break.
         drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
@@ -127,11 +126,12 @@ class Scratch(NamedTuple):
         final: shape (8,).
         final_tangents: shape (6, n).
         rows: shape (MAX_ROWS, 6), terminal gradients by the state.
-        state: shape (6,), position and velocity of the flight as it is flown.
+        state: shape (6,), current position and velocity of the integration.
         forces: shape (STAGES, 3), accelerations at the stages of a step.
-        counts: shape (4,): how many BREAKS, STORED nodes, LATER_PEAKS of the heating after the
-            last free drop, and COLUMNS of tangents there are.
-        peaks: shape (PEAKS,), their times, s after the start; found only where they count.
+        counts: shape (4,): numbers of BREAKS, STORED nodes, LATER_PEAKS of the heating after the
+            last free drop, and COLUMNS of the tangents.
+        peaks: shape (PEAKS,), times of these peaks, s after the start; set only where the limit
+            holds from the jettison on.
     """
 
     times: Array
@@ -150,9 +150,9 @@ class Scratch(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What the integration writes, out of a :class:`Scratch`: a record of few arrays.
+    """Hold the arrays of a :class:`Scratch` that the integration writes.
 
-    A call counts the references of every array that its arguments hold.
+    A record of few arrays: each call counts the references of every array in its arguments.
     """
 
     work: Array
@@ -163,37 +163,37 @@ class Run(NamedTuple):
 
 
 class Break(NamedTuple):
-    """An event of the flight.
+    """Hold an event of the flight.
 
     Attributes:
-        what: PIECE, LAW, DROP, CUTOFF, TAIL, PROBE, HELD or HELD_END.
-        which: of these.
-        column: variable that moves it; FIXED: none.
+        kind: PIECE, LAW, DROP, CUTOFF, TAIL, PROBE, HELD or HELD_END.
+        number: index within its kind.
+        column: variable that sets its time; FIXED: none.
         time: s after the start.
     """
 
-    what: int
-    which: int
+    kind: int
+    number: int
     column: int
     time: float
 
 
 @kernel
 def add_break(at: Break, count: int, times: Array, breaks: Index) -> int:
-    """Note an event; the number of events."""
+    """Store an event; return the number of events."""
     times[count] = at.time
-    breaks[count, 0] = at.what
-    breaks[count, 1] = at.which
+    breaks[count, 0] = at.kind
+    breaks[count, 1] = at.number
     breaks[count, 2] = at.column
     return count + 1
 
 
 @kernel
 def sort_breaks(count: int, times: Array, breaks: Index) -> None:
-    """Insertion sort, stable: at one instant the piece comes before law, drop and cut-off."""
+    """Sort events by time, stable: at one instant pieces precede laws, drops and cut-off."""
     for i in range(1, count):
         time = times[i]
-        what, which, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
+        kind, number, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
         k = i
         while k > 0 and times[k - 1] > time:
             times[k] = times[k - 1]
@@ -202,14 +202,14 @@ def sort_breaks(count: int, times: Array, breaks: Index) -> None:
             breaks[k, 2] = breaks[k - 1, 2]
             k -= 1
         times[k] = time
-        breaks[k, 0] = what
-        breaks[k, 1] = which
+        breaks[k, 0] = kind
+        breaks[k, 1] = number
         breaks[k, 2] = column
 
 
 @kernel
 def count_steps(count: int, longest: float, times: Array, breaks: Index) -> None:
-    """Number of integration steps from each break to the next."""
+    """Set the number of integration steps from each break to the next."""
     for i in range(count - 1):
         duration = times[i + 1] - times[i]
         same = breaks[i, 2] == breaks[i + 1, 2]
@@ -218,22 +218,22 @@ def count_steps(count: int, longest: float, times: Array, breaks: Index) -> None
         elif duration < MOST_STEPS * longest:
             breaks[i, 3] = max(1, int(math.ceil(duration / longest)))
         else:
-            # nothing that a search should come to, nor wait for
+            # not a plausible flight: bound the work
             breaks[i, 3] = MOST_STEPS
     breaks[count - 1, 3] = 0
 
 
 @kernel
 def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
-    """Put everything that happens in order of time.
+    """List all events of the flight in order of time.
 
     Args:
         p: shape (n,), variables.
         problem: the flight.
-        scratch: states are wanted at its LATER_PEAKS ``peaks``. Written: ``times`` of each
-            break, s after the start; ``breaks``: what it is, its index, the column of its time
-            (or FIXED), and the number of integration steps from here to the next break; and
-            their number. The last one is the end of thrust.
+        scratch: its LATER_PEAKS ``peaks`` are listed as probes. Written: ``times`` of the
+            breaks, s after the start; ``breaks``: kind, index within the kind, column of the
+            time (or FIXED), number of integration steps to the next break; and the count of
+            BREAKS. The last break is the end of thrust.
     """
     times = scratch.times
     breaks = scratch.breaks
@@ -252,10 +252,10 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
         if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
             count = add_break(Break(LAW, k, FIXED, at), count, times, breaks)
     for k in range(problem.held.shape[0]):
-        for what, end in ((HELD, 0), (HELD_END, 1)):
+        for kind, end in ((HELD, 0), (HELD_END, 1)):
             at = problem.held_time[k, end] - problem.start_time
             if at < cutoff:
-                count = add_break(Break(what, k, FIXED, at), count, times, breaks)
+                count = add_break(Break(kind, k, FIXED, at), count, times, breaks)
     for j in range(problem.drops.shape[0]):
         column = drop_column(problem, j)
         at = min(p[column] * TIME_SCALE, cutoff)
@@ -274,14 +274,14 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
 
 @kernel
 def break_at(b: int, p: Array, tail: Array, times: Array, breaks: Index) -> Break:
-    """A break; its time is that of ``p``, also where another ``p`` has set the order."""
-    what, which, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
+    """Return a break at its time by ``p``, whose order may be that of another ``p``."""
+    kind, number, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
     time = times[b]
     if column != FIXED:
         time = p[column] * TIME_SCALE
-    if what == TAIL:
-        time += tail[which, P_TIME]
-    return Break(what, which, column, time)
+    if kind == TAIL:
+        time += tail[number, P_TIME]
+    return Break(kind, number, column, time)
 
 
 # rows of the scratch array
@@ -297,7 +297,7 @@ WORK_ROWS = W_HELD + 2
 
 @kernel
 def combine(weights: Array, forces: Array, count: int) -> Vector:
-    """Weighted sum of the first ``count`` stage accelerations, m/s2."""
+    """Return the weighted sum of the first ``count`` stage accelerations, m/s2."""
     x = 0.0
     y = 0.0
     z = 0.0
@@ -319,7 +319,7 @@ def add_column(row: Array, n: int, column: int, factor: float, x: Vector) -> Non
 
 @kernel
 def stage_tangents(work: Array, n: int, m: int, h: float) -> None:
-    """Tangents of the position of stage ``m``, the step length held."""
+    """Compute the tangents of the position of stage ``m`` at fixed step length."""
     stage = work[W_STAGE]
     sr = work[W_POSITION]
     sv = work[W_VELOCITY]
@@ -343,14 +343,14 @@ def force_tangents(
     dt: float,
     rows: int,
 ) -> None:
-    """Tangents of the acceleration of stage ``m``: gravity gradient and steering.
+    """Compute the tangents of the acceleration of stage ``m``: gravity and steering.
 
     Args:
         work: scratch of the integration.
         n: columns.
         m: stage.
         gradient: of gravity, 1/s2: (xx, xy, xz), (yy, yz, zz).
-        turn: thrust acceleration by the steering vector, m/s2, the same way.
+        turn: derivative of the thrust acceleration by the steering vector, m/s2, likewise.
         dt: s since the law began.
         rows: first row of the law's tangents.
     """
@@ -378,15 +378,15 @@ def force_tangents(
 def jump_law(
     x: Array, slopes: tuple[float, float], column: int, problem: Problem, run: Run
 ) -> tuple[Vector, Vector]:
-    """The law after a jettison by the jump condition, tangents included.
+    """Apply the jump condition at a jettison to the law and its tangents.
 
     Args:
         x: shape (JUMP_INPUTS,), see ``jump``.
         slopes: time derivatives of T/m before and after, m/s3.
-        column: of the instant.
+        column: of the jettison time.
         problem: the flight.
-        run: of :func:`fly`; base and rate rows are those before, moved to the instant, and
-            become those after.
+        run: of :func:`fly`; its base and rate rows hold the tangents before the jettison, at
+            that instant, and are overwritten with those after.
 
     Returns:
         steering vector and its rate after the jettison.
@@ -417,15 +417,15 @@ def jump_law(
 
 
 class Engine(NamedTuple):
-    """Thrust and mass from a break on.
+    """Hold thrust and mass from a break on.
 
     Attributes:
-        anchor: s after the start, where the numbers hold.
+        anchor: time at which the values hold, s after the start.
         thrust, thrust_slope: N, N/s.
         flow, flow_slope: kg/s, kg/s2.
         mass: kg, free drops aboard.
         dropped: kg.
-        in_tail: after the cut-off.
+        in_tail: true after the cut-off.
         cutoff_flow: kg/s, just before the cut-off.
     """
 
@@ -441,12 +441,12 @@ class Engine(NamedTuple):
 
 
 class Law(NamedTuple):
-    """The steering in force: direction + rate (t - time).
+    """Hold the steering law in force: direction + rate (t - time).
 
     Attributes:
-        time: s after the start.
-        column: variable that moves it; FIXED: none.
-        direction: no unit.
+        time: begin, s after the start.
+        column: variable that sets this time; FIXED: none.
+        direction: steering vector at that time, no unit.
         rate: 1/s.
         rows: first of the two rows of its tangents in the scratch.
     """
@@ -459,13 +459,13 @@ class Law(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """What lies between two breaks.
+    """Hold the interval between two breaks.
 
     Attributes:
         begin: s after the start.
-        h: length of its steps, s.
-        steps: how many.
-        column, end_column: variables that move its ends; FIXED: none.
+        h: step length, s.
+        steps: number of steps.
+        column, end_column: variables that set its two ends; FIXED: none.
     """
 
     begin: float
@@ -475,16 +475,16 @@ class Leg(NamedTuple):
     end_column: int
 
 
-class Push(NamedTuple):
-    """The thrust at a stage of a step.
+class AppliedThrust(NamedTuple):
+    """Hold the thrust at a stage of a step.
 
     Attributes:
         time: s after the start.
         thrust: N.
         mass: kg.
-        steering: vector, and its size.
-        size: of the steering vector.
-        u: unit vector along it.
+        steering: steering vector, not normalised.
+        size: its length.
+        u: its unit vector, the thrust direction.
     """
 
     time: float
@@ -497,7 +497,7 @@ class Push(NamedTuple):
 
 @kernel
 def mass_at(engine: Engine, t: float) -> float:
-    """Mass, kg, at ``t`` s after the start."""
+    """Return the mass, kg, at ``t`` s after the start."""
     tau = t - engine.anchor
     burnt = tau * (engine.flow + 0.5 * tau * engine.flow_slope)
     return engine.mass - burnt - engine.dropped
@@ -505,13 +505,13 @@ def mass_at(engine: Engine, t: float) -> float:
 
 @kernel
 def engine_from(row: Array, at: Break, mass: float, engine: Engine) -> Engine:
-    """The engine after a break, thrust and flow from a row of the profile or of the tail.
+    """Return the engine after a break, thrust and flow from a row of profile or tail.
 
     Args:
         row: P_THRUST to P_FLOW_SLOPE are read.
         at: the break.
         mass: kg, free drops aboard.
-        engine: before.
+        engine: before the break.
     """
     return Engine(
         at.time,
@@ -521,14 +521,14 @@ def engine_from(row: Array, at: Break, mass: float, engine: Engine) -> Engine:
         row[P_FLOW_SLOPE],
         mass,
         engine.dropped,
-        at.what == TAIL,
+        at.kind == TAIL,
         engine.cutoff_flow,
     )
 
 
 @kernel
-def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
-    """The engine, with so much dropped and such a flow at the cut-off."""
+def replaced_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
+    """Return the engine with another dropped mass, kg, and cut-off flow, kg/s."""
     return Engine(
         engine.anchor,
         engine.thrust,
@@ -544,20 +544,20 @@ def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
 
 @kernel
 def law_at(at: Break, laws: Index) -> int:
-    """Law that begins at a break; -1: none."""
-    if at.what == LAW:
-        return at.which
+    """Return the index of the law that begins at a break; -1: none."""
+    if at.kind == LAW:
+        return at.number
     found = -1
-    if at.what == DROP:
+    if at.kind == DROP:
         for k in range(laws.shape[0]):
-            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.which:
+            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.number:
                 found = k
     return found
 
 
 @kernel
 def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
-    """A law whose rate is free, and its direction too if it is not continuous."""
+    """Return a law with free rate, and free direction unless it is continuous."""
     n = run.counts[COLUMNS]
     work = run.work
     direction_column = laws[k, L_DIRECTION]
@@ -580,12 +580,12 @@ def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
 def law_of_jump(
     at: Break, law: Law, direction: Vector, engine: Engine, problem: Problem, run: Run
 ) -> Law:
-    """The law after a jettison by the jump condition; ``engine`` is that before."""
+    """Return the law after a jettison by the jump condition; ``engine`` is before it."""
     tau = at.time - engine.anchor
     thrust = engine.thrust + tau * engine.thrust_slope
     flow = engine.flow + tau * engine.flow_slope
     mass = mass_at(engine, at.time)
-    rest = mass - problem.drops[at.which, D_MASS]
+    rest = mass - problem.drops[at.number, D_MASS]
     x = np.empty(JUMP_INPUTS)
     for c in range(6):
         x[c] = run.state[c]
@@ -605,7 +605,10 @@ def law_of_jump(
 def change_law(
     k: int, at: Break, law: Law, engine: Engine, p: Array, problem: Problem, run: Run
 ) -> Law:
-    """Law ``k`` from a break on, tangents included; ``law`` and ``engine`` are those before."""
+    """Return law ``k`` from a break on and set its tangents.
+
+    ``law`` and ``engine`` are those before the break.
+    """
     n = run.counts[COLUMNS]
     work = run.work
     dt = at.time - law.time
@@ -626,10 +629,10 @@ def change_law(
 
 
 @kernel
-def hold(at: Break, p: Array, held: Index, run: Run) -> Law:
-    """The law of a burn in held attitude, tangents included."""
+def held_law(at: Break, p: Array, held: Index, run: Run) -> Law:
+    """Return the law of a burn in held attitude and set its tangents."""
     n = run.counts[COLUMNS]
-    column = held[at.which]
+    column = held[at.number]
     for row in range(W_HELD, W_HELD + 2):
         for k in range(3 * n):
             run.work[row, k] = 0.0
@@ -654,30 +657,35 @@ def store_state(row: Array, tangents: Array, t: float, mass: float, run: Run) ->
 
 
 @kernel
-def put_node(node: Array, t: float, r: Vector, v: Vector, force: Vector, push: Push) -> None:
-    """Write one end of a step."""
+def put_node(
+    node: Array, t: float, r: Vector, v: Vector, force: Vector, applied: AppliedThrust
+) -> None:
+    """Write the node at one end of a step."""
     node[N_TIME] = t
     store(node[N_POSITION:], r)
     store(node[N_VELOCITY:], v)
     store(node[N_ACCELERATION:], force)
-    node[N_MASS] = push.mass
-    store(node[N_DIRECTION:], push.u)
+    node[N_MASS] = applied.mass
+    store(node[N_DIRECTION:], applied.u)
 
 
 @kernel
-def push_at(t: float, engine: Engine, law: Law) -> Push:
-    """The thrust at ``t`` s after the start."""
+def thrust_at(t: float, engine: Engine, law: Law) -> AppliedThrust:
+    """Return the thrust at ``t`` s after the start."""
     thrust = engine.thrust + (t - engine.anchor) * engine.thrust_slope
     steering = axpy(t - law.time, law.rate, law.direction)
     size = norm(steering)
-    return Push(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
+    return AppliedThrust(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
 
 
 @kernel
-def turn_of(push: Push) -> tuple[Vector, Vector]:
-    """Thrust acceleration by the steering vector: (xx, xy, xz), (yy, yz, zz), m/s2."""
-    u = push.u
-    e = push.thrust / (push.mass * push.size)
+def steering_derivative(applied: AppliedThrust) -> tuple[Vector, Vector]:
+    """Return the derivative of the thrust acceleration by the steering vector, m/s2.
+
+    Symmetric, so six entries: (xx, xy, xz), (yy, yz, zz).
+    """
+    u = applied.u
+    e = applied.thrust / (applied.mass * applied.size)
     return (
         (e * (1.0 - u[0] * u[0]), -e * u[0] * u[1], -e * u[0] * u[2]),
         (e * (1.0 - u[1] * u[1]), -e * u[1] * u[2], e * (1.0 - u[2] * u[2])),
@@ -686,18 +694,18 @@ def turn_of(push: Push) -> tuple[Vector, Vector]:
 
 @kernel
 def add_moving_times(
-    kt: Array, n: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law
+    kt: Array, n: int, into: float, applied: AppliedThrust, leg: Leg, engine: Engine, law: Law
 ) -> None:
-    """What moving law, leg and cut-off do to the acceleration of a stage.
+    """Add the effect of moving law, leg and cut-off times on a stage's acceleration.
 
     Args:
-        kt: its flat tangents, added to.
+        kt: flat tangents of the acceleration, added to.
         n: columns.
-        into: steps from the leg's begin.
-        push: the thrust there.
+        into: number of steps from the begin of the leg, with fraction.
+        applied: the thrust at that time.
         leg, engine, law: in force.
     """
-    qa, qb = turn_of(push)
+    qa, qb = steering_derivative(applied)
     rate = law.rate
     turn = (
         qa[0] * rate[0] + qa[1] * rate[1] + qa[2] * rate[2],
@@ -707,13 +715,13 @@ def add_moving_times(
     if law.column != FIXED:
         add_column(kt, n, law.column, -TIME_SCALE, turn)
     if engine.in_tail:
-        # the thrust moves with the leg, the mass falls with the cut-off
-        s = push.thrust * engine.cutoff_flow / (push.mass * push.mass)
-        add_column(kt, n, n - 1, TIME_SCALE, axpy(s, push.u, turn))
+        # thrust is a function of the time after cut-off; mass falls as the cut-off moves later
+        s = applied.thrust * engine.cutoff_flow / (applied.mass * applied.mass)
+        add_column(kt, n, n - 1, TIME_SCALE, axpy(s, applied.u, turn))
         return
-    flow = engine.flow + (push.time - engine.anchor) * engine.flow_slope
-    along = (engine.thrust_slope + push.thrust * flow / push.mass) / push.mass
-    moved = axpy(along, push.u, turn)
+    flow = engine.flow + (applied.time - engine.anchor) * engine.flow_slope
+    along = (engine.thrust_slope + applied.thrust * flow / applied.mass) / applied.mass
+    moved = axpy(along, applied.u, turn)
     theta = into / leg.steps
     if leg.column != FIXED:
         add_column(kt, n, leg.column, (1.0 - theta) * TIME_SCALE, moved)
@@ -722,8 +730,11 @@ def add_moving_times(
 
 
 @kernel
-def stretch(row: Array, n: int, leg: Leg, grow: Vector) -> None:
-    """The steps of a leg grow by 1/steps of what its ends move: add that to a flat tangent."""
+def add_step_change(row: Array, n: int, leg: Leg, grow: Vector) -> None:
+    """Add the effect of the changing step length of a leg to a flat tangent.
+
+    A step grows by 1/steps of the motion of the ends; ``grow`` is the derivative by its length.
+    """
     if leg.end_column == leg.column:
         return
     if leg.column != FIXED:
@@ -734,20 +745,20 @@ def stretch(row: Array, n: int, leg: Leg, grow: Vector) -> None:
 
 @kernel
 def end_tangents(work: Array, n: int, leg: Leg, gain: Vector) -> None:
-    """Tangents at the end of a step: the last stage stands there."""
+    """Compute the tangents at the end of a step, where the last stage is."""
     for k in range(3 * n):
         work[W_POSITION, k] = work[W_STAGE, k]
     for q in range(STAGES):
         w = leg.h * VELOCITY_WEIGHTS[q]
         for k in range(3 * n):
             work[W_VELOCITY, k] += w * work[W_FORCE + q, k]
-    stretch(work[W_VELOCITY], n, leg, gain)
+    add_step_change(work[W_VELOCITY], n, leg, gain)
 
 
 @kernel
 def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -> None:
-    """The steps from one break to the next, with their tangents; their ends are nodes."""
-    # taken out once: each time counts references
+    """Integrate from one break to the next with tangents; store the ends of steps as nodes."""
+    # read once: each access of an array in a record counts references
     n = run.counts[COLUMNS]
     stored = run.counts[STORED]
     work = run.work
@@ -757,12 +768,12 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
     r = load(run.state)
     v = load(run.state[3:])
     rs = r
-    push = push_at(leg.begin, engine, law)
+    applied = thrust_at(leg.begin, engine, law)
     for i in range(leg.steps):
         t0 = leg.begin + i * h
         first = 0
         if i > 0:
-            # first same as last
+            # first stage same as last (FSAL)
             first = 1
             store(forces[0], load(forces[STAGES - 1]))
             for k in range(3 * n):
@@ -772,27 +783,27 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
             shift = combine(WEIGHTS[m], forces, m)
             rs = axpy(h * h, shift, axpy(node * h, v, r))
             g, gradient, gradient_rest = gravity_gradient(rs, environment)
-            push = push_at(t0 + node * h, engine, law)
-            store(forces[m], axpy(push.thrust / push.mass, push.u, g))
+            applied = thrust_at(t0 + node * h, engine, law)
+            store(forces[m], axpy(applied.thrust / applied.mass, applied.u, g))
             if n > 0:
                 stage_tangents(work, n, m, h)
-                stretch(work[W_STAGE], n, leg, axpy(2.0 * h, shift, scale(node, v)))
-                turn = turn_of(push)
+                add_step_change(work[W_STAGE], n, leg, axpy(2.0 * h, shift, scale(node, v)))
+                turn = steering_derivative(applied)
                 force_tangents(
-                    work, n, m, (gradient, gradient_rest), turn, push.time - law.time, law.rows
+                    work, n, m, (gradient, gradient_rest), turn, applied.time - law.time, law.rows
                 )
-                add_moving_times(work[W_FORCE + m], n, i + node, push, leg, engine, law)
+                add_moving_times(work[W_FORCE + m], n, i + node, applied, leg, engine, law)
             if m == 0 and stored < nodes.shape[0]:
-                put_node(nodes[stored], t0, r, v, load(forces[0]), push)
+                put_node(nodes[stored], t0, r, v, load(forces[0]), applied)
                 stored += 1
         gain = combine(VELOCITY_WEIGHTS, forces, STAGES)
-        # the last stage stands at the new position
+        # the last stage is at the new position
         r = rs
         v = axpy(h, gain, v)
         if n > 0:
             end_tangents(work, n, leg, gain)
         if stored < nodes.shape[0]:
-            put_node(nodes[stored], t0 + h, r, v, load(forces[STAGES - 1]), push)
+            put_node(nodes[stored], t0 + h, r, v, load(forces[STAGES - 1]), applied)
             stored += 1
     store(run.state, r)
     store(run.state[3:], v)
@@ -806,13 +817,13 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
     Args:
         p: shape (variables,), see :class:`Problem`.
         problem: the flight.
-        scratch: its COLUMNS are ``problem.variables`` for tangents by every variable, 0 for
-            none; its order of events, from :func:`lay_out`, may be that of a neighbouring
-            ``p``. Written: ``nodes``, the ends of the integration steps as far as there are
-            rows, and how many are STORED; ``drops`` and ``drop_tangents``: time s after the
-            start, position, velocity and the mass before, at each free drop and at each
-            probe, of a drop also the steering vector and its rate after it; ``final`` and
-            ``final_tangents``: time, position, velocity, mass at the end.
+        scratch: its COLUMNS are ``problem.variables`` with tangents, 0 without; its order of
+            events, from :func:`lay_out`, may be that of a neighbouring ``p``. Written:
+            ``nodes``, the ends of the integration steps as far as there are rows, and the
+            count STORED; ``drops`` and ``drop_tangents``: time s after the start, position,
+            velocity and mass before each free drop and at each probe, and for a drop the
+            steering vector and its rate after it; ``final`` and ``final_tangents``: time, position,
+            velocity, mass at the end.
     """
     run = Run(scratch.work, scratch.nodes, scratch.state, scratch.forces, scratch.counts)
     n = scratch.counts[COLUMNS]
@@ -827,38 +838,38 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
     held = law
     holds = False
     engine = Engine(0.0, 0.0, 0.0, 0.0, 0.0, problem.profile[0, P_MASS], 0.0, False, 0.0)
-    # records of arrays count references at each call: what is called often gets arrays
+    # each call counts references of all arrays in a record: pass single arrays in the loop
     times, breaks, tail, laws = scratch.times, scratch.breaks, problem.tail, problem.laws
     for b in range(count):
         at = break_at(b, p, tail, times, breaks)
-        if at.what == DROP or at.what == PROBE:
-            row = at.which if at.what == DROP else problem.drops.shape[0] + at.which
+        if at.kind == DROP or at.kind == PROBE:
+            row = at.number if at.kind == DROP else problem.drops.shape[0] + at.number
             mass = mass_at(engine, at.time)
             store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, run)
         k = law_at(at, laws)
         if k >= 0:
             law = change_law(k, at, law, engine, p, problem, run)
-        if at.what == HELD:
-            held = hold(at, p, problem.held, run)
+        if at.kind == HELD:
+            held = held_law(at, p, problem.held, run)
             holds = True
-        elif at.what == HELD_END:
+        elif at.kind == HELD_END:
             holds = False
-        elif at.what == PIECE:
-            piece = problem.profile[at.which]
+        elif at.kind == PIECE:
+            piece = problem.profile[at.number]
             engine = engine_from(piece, at, piece[P_MASS], engine)
-        elif at.what == TAIL:
-            # the tail is anchored to the cut-off and takes the mass as it is
+        elif at.kind == TAIL:
+            # the tail begins at the cut-off with the mass at that time
             mass = mass_at(engine, at.time) + engine.dropped
-            engine = engine_from(tail[at.which], at, mass, engine)
-        elif at.what == DROP:
+            engine = engine_from(tail[at.number], at, mass, engine)
+        elif at.kind == DROP:
             steering = axpy(at.time - law.time, law.rate, law.direction)
-            store(scratch.drops[at.which, 8:], steering)
-            store(scratch.drops[at.which, 11:], law.rate)
-            dropped = engine.dropped + problem.drops[at.which, D_MASS]
-            engine = same_engine(engine, dropped, engine.cutoff_flow)
-        elif at.what == CUTOFF:
+            store(scratch.drops[at.number, 8:], steering)
+            store(scratch.drops[at.number, 11:], law.rate)
+            dropped = engine.dropped + problem.drops[at.number, D_MASS]
+            engine = replaced_engine(engine, dropped, engine.cutoff_flow)
+        elif at.kind == CUTOFF:
             flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
-            engine = same_engine(engine, engine.dropped, flow)
+            engine = replaced_engine(engine, engine.dropped, flow)
         steps = breaks[b, 3]
         if steps > 0:
             end = break_at(b + 1, p, tail, times, breaks)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the heating after the jettison has its peaks."""
+"""Locate the peaks of the heating after the jettison."""
 
 from ares_models.arrays import Record
 from ares_models.jit import kernel
@@ -13,17 +13,17 @@ _BISECTIONS = 40
 
 @kernel
 def _cubic(x: float, a: Vector, b: Vector, c: Vector, d: Vector) -> Vector:
-    """a + b x + c x^2 + d x^3."""
+    """Return a + b x + c x^2 + d x^3."""
     return axpy(x, axpy(x, axpy(x, d, c), b), a)
 
 
 @kernel
 def between_nodes(a: Array, b: Array, x: float) -> tuple[Vector, Vector, Vector]:
-    """Position, velocity and acceleration within a step: quintic through both its ends.
+    """Interpolate position, velocity and acceleration within a step by a quintic.
 
     Args:
-        a: node at the step's begin, shape (N_COLUMNS,).
-        b: node at its end.
+        a: node at the begin of the step, shape (N_COLUMNS,); its state is met exactly.
+        b: node at the end, likewise.
         x: fraction of the step.
     """
     h = b[N_TIME] - a[N_TIME]
@@ -32,7 +32,7 @@ def between_nodes(a: Array, b: Array, x: float) -> tuple[Vector, Vector, Vector]
     a0 = scale(0.5 * h * h, load(a[N_ACCELERATION:]))
     v1 = scale(h, load(b[N_VELOCITY:]))
     a1 = scale(h * h, load(b[N_ACCELERATION:]))
-    # what the quadratic from the left misses at the right
+    # error of the quadratic from the left at the right node
     e0 = sub(load(b[N_POSITION:]), add(r0, add(v0, a0)))
     e1 = sub(v1, add(v0, scale(2.0, a0)))
     e2 = sub(a1, scale(2.0, a0))
@@ -49,7 +49,7 @@ def between_nodes(a: Array, b: Array, x: float) -> tuple[Vector, Vector, Vector]
 
 @kernel
 def heating_at_node(node: Array, environment: Record, atmosphere: Array) -> tuple[float, float]:
-    """Log heating and its rate at a node."""
+    """Return log heating and its rate, 1/s, at a node."""
     return log_heating(
         load(node[N_POSITION:]),
         load(node[N_VELOCITY:]),
@@ -68,15 +68,15 @@ def heating_peaks(
     atmosphere: Array,
     peaks: Array,
 ) -> int:
-    """Times at which the heating has a local maximum after a given time.
+    """Find the times of the local maxima of the heating after a given time.
 
     Args:
         nodes: shape (k, N_COLUMNS), ends of the integration steps.
         count: nodes in use.
         after: s, same clock as the nodes.
         environment, atmosphere: of the mission.
-        peaks: shape (p,), written: times in s, rising; the end of the flight is one if the
-            heating rises there. With more than p of them the later ones are left out.
+        peaks: shape (p,), written: times, s, ascending. The end of the flight is a peak if the
+            heating rises there. Peaks after the first p are left out.
 
     Returns:
         number of peaks.
@@ -95,7 +95,7 @@ def heating_peaks(
             found += 1
             break
         if nodes[i + 1, N_TIME] <= nodes[i, N_TIME]:
-            # two sides of an event: the rise may end in the kink itself
+            # two nodes at an event: the heating may peak at the discontinuity
             _, next_slope = heating_at_node(nodes[i + 1], environment, atmosphere)
             if next_slope <= 0.0:
                 peaks[found] = nodes[i, N_TIME]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The steering law after a heating-limited jettison: Eqs. 3.44-3.51, corrected.
+"""Compute the steering law after a heating-limited jettison: Eqs. 3.44-3.51, corrected.
 
-Printed: the jump takes the heating for a function of position alone. It depends on the
-velocity too, so that with N = log heating
+The printed equations take the heating for a function of position alone. It depends on the
+velocity too. With N = log heating
 
     lambda_r(+) = lambda_r(-) - pi N_r,    lambda_v(+) = lambda_v(-) - pi N_v,
 
@@ -28,7 +28,7 @@ _STEP = 1e-30
 
 @kernel
 def heating_slopes(x: NDArray[Any], environment: Record, atmosphere: NDArray[np.float64]) -> Any:
-    """Gradients of log heating, written so that complex numbers pass through.
+    """Compute the gradients of log heating for float or complex arguments.
 
     Args:
         x: shape (>= 6,), position m and velocity m/s, float or complex.
@@ -84,7 +84,7 @@ def heating_slopes(x: NDArray[Any], environment: Record, atmosphere: NDArray[np.
 def jump(
     x: NDArray[Any], environment: Record, atmosphere: NDArray[np.float64], y: NDArray[Any]
 ) -> None:
-    """Costates after the jettison from those before.
+    """Compute the costates after the jettison from those before.
 
     Args:
         x: shape (JUMP_INPUTS,), float or complex: position m, velocity m/s, lambda_v, its
@@ -111,7 +111,7 @@ def jump(
     root = np.sqrt(inside)
     if b.real < 0.0:
         root = -root
-    # without thrust there is no jump
+    # pi = 0 without thrust
     pi = quotient(c, b + root)
     y[0] = x[6] - pi * n3
     y[1] = x[7] - pi * n4
@@ -129,7 +129,7 @@ def jump_jacobian(
     atmosphere: NDArray[np.float64],
     jacobian: NDArray[np.float64],
 ) -> None:
-    """Derivatives of :func:`jump` by complex step, exact to rounding.
+    """Differentiate :func:`jump` by complex step, exact to rounding.
 
     Args:
         x: shape (JUMP_INPUTS,).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimal ascent as plain arrays: what the compiled solver works on."""
+"""Hold the optimal ascent as plain arrays for the compiled solver."""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ares_optimizer.kernels.algebra import Array, Index
 
-# how a steering law begins
+# begin of a steering law
 AT_START = 0
 AT_FIXED_TIME = 1
 AT_DROP = 2
@@ -37,17 +37,17 @@ HEATING_FROM_JETTISON = 1
 MINIMISE_TIME = 0
 MINIMISE_HEATING = 1
 
-# later peaks of the heating that the limit can hold down at once
+# most later heating peaks that the limit can constrain at once
 PEAKS = 4
 
-# units in which the solver sees its variables
+# scales of the solver's variables
 DIRECTION_SCALE = 1.0
 RATE_SCALE = 1.0e-3
 TIME_SCALE = 100.0
 
 
 class Problem(NamedTuple):
-    """One flight to be optimised, from one start state.
+    """Hold one flight to be optimised, from one start state.
 
     The variables, in columns: for each law its direction at the law's begin (3, no unit)
     and its rate (3, in RATE_SCALE per second) where they are free; the direction of each burn
@@ -60,23 +60,23 @@ class Problem(NamedTuple):
         target: shape (1,), dtype TARGET.
         state: shape (6,), position m and velocity m/s at the start.
         start_time: s.
-        profile: shape (k, 6): pieces of the thrust profile up to cut-off, each from its
-            time on: time s, thrust N, its slope N/s, flow kg/s, its slope, and the mass
-            at the piece's begin with every free drop still aboard.
+        profile: shape (k, 6): pieces of the thrust profile up to cut-off: begin s, thrust N,
+            thrust slope N/s, mass flow kg/s, its slope kg/s2, and mass at the begin, kg, with
+            every free drop still aboard.
         tail: shape (k, 5): pieces after cut-off, time relative to cut-off, no mass column;
-            the last row stands at the end of thrust.
+            the last row is the end of thrust.
         drops: shape (k, 3): free drops: mass kg, log of the heating limit in W/m2, and
             earliest time s.
-        laws: shape (k, 4): begin (AT_*), which drop, column of the direction (-1:
+        laws: shape (k, 4): begin (AT_*), index of the drop, column of the direction (-1:
             continuous), column of the rate (-1: from the jump condition).
         law_time: shape (k,), s, for AT_FIXED_TIME.
         held: shape (k,): burns in held attitude: column of the direction.
-        held_time: shape (k, 2): s, their begin and end; inf: the end of thrust.
-        longest_step: s, of the integration.
+        held_time: shape (k, 2): begin and end of these burns, s; inf: the end of thrust.
+        longest_step: longest integration step, s.
         latest_cutoff: s.
         earliest_cutoff: s.
         heating: HEATING_AT_JETTISON or HEATING_FROM_JETTISON.
-        objective: MINIMISE_TIME, or MINIMISE_HEATING: that at the last free drop.
+        objective: MINIMISE_TIME, or MINIMISE_HEATING (the heating at the last free drop).
         variables: number of columns.
         stop: shape (1,); another thread writes 1 there to end a search.
     """

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sequential quadratic programming on exact gradients, compiled from end to end.
+"""Minimise by sequential quadratic programming on exact gradients, compiled throughout.
 
-Each step works in the null space of the equations: the part of the step that meets them is
-fixed by their Jacobian, the rest minimises a quadratic model whose Hessian, that of the
-Lagrangian (second derivatives of the constraints included), comes from differences of exact
-gradients along a basis of the null space only. Multipliers are those of least squares at
-the point, inequalities enter through the dual of the small quadratic programme, a trust
-region with the l1 merit function and a second-order correction guards the steps. Source:
-Nocedal and Wright, *Numerical Optimization*, chapters 15 to 18.
+Each step has two parts. The normal step meets the linearised equations. The tangential step, in
+the null space of their Jacobian, minimises a quadratic model. The Hessian of the model is that
+of the Lagrangian, by differences of exact gradients along a basis of the null space.
+Multipliers are least-squares estimates at the point; inequalities enter through the dual of the
+reduced quadratic program. A trust region with the l1 merit function and second-order
+corrections globalises the search. Source: Nocedal and Wright, *Numerical Optimization*,
+chapters 15 to 18.
 """
 
 import math
@@ -34,7 +34,7 @@ from ares_optimizer.kernels.algebra import (
     solve_lower_transposed,
 )
 
-# how a search ended
+# exit status of a search
 CONVERGED = 0
 TOO_MANY_ITERATIONS = 1
 NO_PROGRESS = 2
@@ -44,9 +44,9 @@ STOPPED = 5
 
 _DIFFERENCE = 1e-6
 _FEASIBLE = 1e-8
-_DECREASE = 1e-9  # of the objective that the model still sees: 3e-5 kg on the default mission
+_DECREASE = 1e-9  # predicted decrease of the objective: 3e-5 kg on the default mission
 _PATIENCE = 12
-_FLAT_DECREASE = 1e-7  # both after so many iterations, in a flat valley
+_FLAT_DECREASE = 1e-7  # this and the next replace the two above after _PATIENCE iterations
 _FLAT_FEASIBLE = 1e-7
 _NEAR = 0.05
 _FIRST_RADIUS = 1.0
@@ -59,7 +59,7 @@ _SHIFTS = 24
 
 @kernel
 def violation(point: Point) -> float:
-    """Largest amount by which a constraint is missed; inf when something is not finite."""
+    """Return the largest constraint violation; inf where a constraint is not finite."""
     worst = 0.0
     for c in point.equations:
         worst = max(worst, abs(c))
@@ -74,7 +74,7 @@ def violation(point: Point) -> float:
 
 @kernel
 def sum_violation(point: Point) -> float:
-    """Sum of what the constraints miss; inf when not finite."""
+    """Return the sum of the constraint violations (l1 norm); inf when not finite."""
     s = 0.0
     for c in point.equations:
         s += abs(c)
@@ -85,7 +85,7 @@ def sum_violation(point: Point) -> float:
 
 @kernel
 def sum_of_squares(point: Point) -> float:
-    """Sum of the squares of what the constraints miss; inf when not finite."""
+    """Return the sum of the squared constraint violations; inf when not finite."""
     s = 0.0
     for c in point.equations:
         s += c * c
@@ -96,7 +96,7 @@ def sum_of_squares(point: Point) -> float:
 
 @kernel
 def into_bounds(p: Array, problem: Problem) -> None:
-    """Move the times of a guess to where a flight can have them."""
+    """Clip the times of a guess to the range in which a flight can have them."""
     n = problem.variables
     earliest = (problem.earliest_cutoff - problem.start_time) / TIME_SCALE
     latest = (problem.latest_cutoff - problem.start_time) / TIME_SCALE
@@ -111,12 +111,12 @@ def into_bounds(p: Array, problem: Problem) -> None:
 
 @allocating
 def active_rows(point: Point, mu: Array, level: float) -> tuple[Array, Array, np.ndarray]:
-    """Gradients and values of the equations and of the inequalities that count.
+    """Return gradients and values of the equations and of the active inequalities.
 
     Args:
         point: the point.
-        mu: shape (i,): an inequality with a positive multiplier counts.
-        level: so does one above this.
+        mu: shape (i,): an inequality with a positive multiplier is active.
+        level: an inequality above this value is active too.
 
     Returns:
         rows (k, n), values (k,), and the inequality of each row (-1: an equation).
@@ -141,13 +141,13 @@ def active_rows(point: Point, mu: Array, level: float) -> tuple[Array, Array, np
     return rows, values, index
 
 
-class Room(NamedTuple):
-    """Where a search works.
+class Workspace(NamedTuple):
+    """Hold the workspace of a search.
 
     Attributes:
         scratch: from ``make_scratch``.
         point: from ``make_point``: the values at the variables.
-        other: those at a trial.
+        other: the values at a trial point.
     """
 
     scratch: Scratch
@@ -155,8 +155,8 @@ class Room(NamedTuple):
     other: Point
 
 
-class Prices(NamedTuple):
-    """Multipliers.
+class Multipliers(NamedTuple):
+    """Hold Lagrange multipliers.
 
     Attributes:
         nu: shape (e,), of the equations.
@@ -168,20 +168,20 @@ class Prices(NamedTuple):
 
 
 @allocating
-def restore(p: Array, problem: Problem, room: Room, goal: float, iterations: int) -> int:
-    """Bring a guess near the constraints: Gauss-Newton with damping.
+def restore(p: Array, problem: Problem, workspace: Workspace, goal: float, iterations: int) -> int:
+    """Reduce the constraint violation of a guess by damped Gauss-Newton steps.
 
     Args:
         p: shape (n,), changed.
         problem: the flight.
-        room: its ``point`` is that of ``p`` in the end.
+        workspace: on return its ``point`` holds the values at ``p``.
         goal: violation at which to stop.
-        iterations: at most so many.
+        iterations: most iterations.
 
     Returns:
-        iterations.
+        iterations used.
     """
-    scratch, point, other = room
+    scratch, point, other = workspace
     n = problem.variables
     step = np.empty(n)
     trial = np.empty(n)
@@ -192,7 +192,7 @@ def restore(p: Array, problem: Problem, room: Room, goal: float, iterations: int
     for k in range(iterations):
         if violation(point) <= goal or not math.isfinite(square) or problem.stop[0] != 0:
             return k
-        # what is at its limit is held too, or the step would run into it
+        # inequalities at their limit are active too, or the step would violate them
         rows, values, _ = active_rows(point, none, -1e-9)
         least_step(rows, values, damping + 1e-13, step)
         size = 0.0
@@ -224,15 +224,15 @@ def restore(p: Array, problem: Problem, room: Room, goal: float, iterations: int
 
 
 @allocating
-def estimate_multipliers(point: Point, prices: Prices) -> None:
-    """Multipliers by least squares at the point.
+def estimate_multipliers(point: Point, multipliers: Multipliers) -> None:
+    """Estimate the multipliers by least squares at a point.
 
     Args:
         point: the point.
-        prices: inequalities with a positive multiplier, and those near their limit, are taken
-            for active as long as their multiplier is positive; written.
+        multipliers: updated. The active set begins with the inequalities that have a positive
+            multiplier or are near their limit; negative multipliers leave it one by one.
     """
-    nu, mu = prices
+    nu, mu = multipliers
     e = nu.size
     for a in range(mu.size):
         mu[a] = 1.0 if mu[a] > 0.0 or point.inequalities[a] > -_NEAR else 0.0
@@ -262,9 +262,9 @@ def estimate_multipliers(point: Point, prices: Prices) -> None:
 
 
 @allocating
-def lagrangian_gradient(point: Point, prices: Prices, out: Array) -> None:
-    """Gradient of objective + nu . equations + mu . inequalities."""
-    nu, mu = prices
+def lagrangian_gradient(point: Point, multipliers: Multipliers, out: Array) -> None:
+    """Compute the gradient of objective + nu . equations + mu . inequalities."""
+    nu, mu = multipliers
     out[:] = point.gradient
     for a in range(nu.size):
         for j in range(out.size):
@@ -276,11 +276,11 @@ def lagrangian_gradient(point: Point, prices: Prices, out: Array) -> None:
 
 
 class Frame(NamedTuple):
-    """What a step from a point is made of.
+    """Hold the decomposition of a step from a point.
 
     Attributes:
         basis: shape (n, z), orthonormal columns: the null space of the equations.
-        normal: shape (n,), the step that meets the equations.
+        normal: shape (n,), the normal step, which meets the linearised equations.
         base: shape (n,), gradient of the Lagrangian.
     """
 
@@ -291,15 +291,15 @@ class Frame(NamedTuple):
 
 @allocating
 def reduced_hessian(
-    p: Array, problem: Problem, room: Room, prices: Prices, frame: Frame
+    p: Array, problem: Problem, workspace: Workspace, multipliers: Multipliers, frame: Frame
 ) -> tuple[Array, Array]:
-    """Hessian of the Lagrangian in the null space, and its action on the normal step.
+    """Compute the Hessian of the Lagrangian in the null space by differences.
 
     Args:
         p: shape (n,).
         problem: the flight.
-        room: its ``other`` is written.
-        prices: multipliers.
+        workspace: its ``other`` is written.
+        multipliers: those of the Lagrangian.
         frame: at ``p``.
 
     Returns:
@@ -326,8 +326,8 @@ def reduced_hessian(
             h = _DIFFERENCE / size
         for j in range(n):
             trial[j] = p[j] + h * (basis[j, a] if a < z else normal[j])
-        evaluate_with_gradients(trial, problem, room.scratch, room.other)
-        lagrangian_gradient(room.other, prices, moved)
+        evaluate_with_gradients(trial, problem, workspace.scratch, workspace.other)
+        lagrangian_gradient(workspace.other, multipliers, moved)
         for b in range(z):
             s = 0.0
             for j in range(n):
@@ -345,14 +345,14 @@ def reduced_hessian(
 
 
 class Model(NamedTuple):
-    """The quadratic model at a point.
+    """Hold the quadratic model at a point.
 
     Attributes:
         frame: null space and normal step.
         hessian: shape (z, z), of the Lagrangian: Z^T H Z.
         cross: shape (z,), Z^T H normal.
         values, vectors: eigenvalues (in modulus) and eigenvectors of the Hessian.
-        curvature: its least eigenvalue; nan where the Hessian is not finite.
+        curvature: least eigenvalue of the Hessian; nan where it is not finite.
     """
 
     frame: Frame
@@ -363,30 +363,30 @@ class Model(NamedTuple):
     curvature: float
 
 
-class Bowl(NamedTuple):
-    """The model along what the equations leave free.
+class ReducedModel(NamedTuple):
+    """Hold the quadratic model in the null space of the equations, beside a normal step.
 
     Attributes:
         slope: shape (z,), gradient at the normal step.
         values, vectors: eigenvalues (in modulus) and eigenvectors of its Hessian.
         rows: shape (i, z), gradients of the inequalities.
-        room: shape (i,), what the normal step leaves of them.
+        slack: shape (i,), slack of the inequalities after the normal step.
     """
 
     slope: Array
     values: Array
     vectors: Array
     rows: Array
-    room: Array
+    slack: Array
 
 
 @allocating
-def make_bowl(point: Point, model: Model, normal: Array, slope: Array) -> Bowl:
-    """The model beside a normal step."""
+def reduce_model(point: Point, model: Model, normal: Array, slope: Array) -> ReducedModel:
+    """Reduce the quadratic model to the null space, beside a normal step."""
     n, z = model.frame.basis.shape
     i = point.inequalities.size
     rows = np.empty((i, z))
-    room = np.empty(i)
+    slack = np.empty(i)
     for a in range(i):
         for b in range(z):
             s = 0.0
@@ -396,17 +396,19 @@ def make_bowl(point: Point, model: Model, normal: Array, slope: Array) -> Bowl:
         s = -point.inequalities[a]
         for j in range(n):
             s -= point.inequality_rows[a, j] * normal[j]
-        room[a] = s
-    return Bowl(slope, model.values, model.vectors, rows, room)
+        slack[a] = s
+    return ReducedModel(slope, model.values, model.vectors, rows, slack)
 
 
 @allocating
-def shifted_step(bowl: Bowl, floor: float, shift: float, mu: Array, free: Array) -> float:
-    """Minimise a bowl with ``shift`` added to its eigenvalues, inequalities met.
+def shifted_step(
+    reduced: ReducedModel, floor: float, shift: float, mu: Array, free: Array
+) -> float:
+    """Minimise the reduced model with ``shift`` added to its eigenvalues.
 
     Args:
-        bowl: the model.
-        floor: least eigenvalue that is believed.
+        reduced: the reduced model; its inequalities are met.
+        floor: smaller eigenvalues are raised to this.
         shift: added to each.
         mu: shape (i,), written: multipliers of the inequalities.
         free: shape (z,), written: the step.
@@ -414,11 +416,11 @@ def shifted_step(bowl: Bowl, floor: float, shift: float, mu: Array, free: Array)
     Returns:
         length of the step.
     """
-    slope, values, vectors, rows, start = bowl
+    slope, values, vectors, rows, initial = reduced
     i, z = rows.shape
     inverse = np.empty((z, z))
     along = np.empty((i, z))
-    room = np.empty(i)
+    slack = np.empty(i)
     dual = np.empty((i, i))
     for a in range(z):
         for b in range(z):
@@ -432,9 +434,9 @@ def shifted_step(bowl: Bowl, floor: float, shift: float, mu: Array, free: Array)
             s -= inverse[a, b] * slope[b]
         free[a] = s
     for a in range(i):
-        room[a] = start[a]
+        slack[a] = initial[a]
         for b in range(z):
-            room[a] -= rows[a, b] * free[b]
+            slack[a] -= rows[a, b] * free[b]
             s = 0.0
             for c in range(z):
                 s += inverse[b, c] * rows[a, c]
@@ -445,7 +447,7 @@ def shifted_step(bowl: Bowl, floor: float, shift: float, mu: Array, free: Array)
             for c in range(z):
                 s += rows[a, c] * along[b, c]
             dual[a, b] = s
-    dual_multipliers(dual, room, mu)
+    dual_multipliers(dual, slack, mu)
     size = 0.0
     for b in range(z):
         for a in range(i):
@@ -456,26 +458,26 @@ def shifted_step(bowl: Bowl, floor: float, shift: float, mu: Array, free: Array)
 
 
 @kernel
-def tangent_step(bowl: Bowl, radius: float, mu: Array, free: Array) -> None:
-    """Minimise the model in the null space, inequalities and trust region included.
+def tangent_step(reduced: ReducedModel, radius: float, mu: Array, free: Array) -> None:
+    """Minimise the reduced model subject to the inequalities and the trust region.
 
     Args:
-        bowl: the model.
+        reduced: the reduced model.
         radius: of the trust region.
         mu: shape (i,), written: multipliers of the inequalities.
-        free: shape (z,), written.
+        free: shape (z,), written: the step in the null space.
     """
     top = 0.0
-    for value in bowl.values:
+    for value in reduced.values:
         top = max(top, value)
     floor = max(1e-12, 1e-9 * top)
     size = 0.0
-    # what is added to the eigenvalues to keep the step, inequalities met, in the trust region
+    # shift of the eigenvalues that keeps the step, inequalities met, in the trust region
     shift = 0.0
     low = 0.0
     high = math.inf
     for _ in range(_SHIFTS):
-        size = shifted_step(bowl, floor, shift, mu, free)
+        size = shifted_step(reduced, floor, shift, mu, free)
         if size > 1.2 * radius:
             low = shift
         elif shift == 0.0 or size > 0.6 * radius:
@@ -494,7 +496,7 @@ def tangent_step(bowl: Bowl, radius: float, mu: Array, free: Array) -> None:
 
 @kernel
 def linear_value(point: Point, a: int, step: Array) -> float:
-    """Inequality ``a`` after a step, linearised."""
+    """Return the linearised value of inequality ``a`` after a step."""
     c: float = point.inequalities[a]
     for j in range(step.size):
         c += point.inequality_rows[a, j] * step[j]
@@ -503,7 +505,7 @@ def linear_value(point: Point, a: int, step: Array) -> float:
 
 @kernel
 def linear_violation(point: Point, step: Array) -> float:
-    """Sum of what the linearised constraints miss after a step."""
+    """Return the sum of the violations of the linearised constraints after a step."""
     s = 0.0
     for a in range(point.equations.size):
         c = point.equations[a]
@@ -516,9 +518,11 @@ def linear_violation(point: Point, step: Array) -> float:
 
 
 @allocating
-def build_model(p: Array, problem: Problem, room: Room, prices: Prices) -> Model:
-    """The quadratic model at ``room.point``, which is that of ``p``."""
-    point = room.point
+def build_model(
+    p: Array, problem: Problem, workspace: Workspace, multipliers: Multipliers
+) -> Model:
+    """Build the quadratic model at ``workspace.point``, which holds the values at ``p``."""
+    point = workspace.point
     e, n = point.equation_rows.shape
     q = np.empty((n, n))
     r = np.empty((e, e))
@@ -535,10 +539,10 @@ def build_model(p: Array, problem: Problem, room: Room, prices: Prices) -> Model
             s += q[j, a] * y[a]
         normal[j] = s
     base = np.empty(n)
-    lagrangian_gradient(point, prices, base)
+    lagrangian_gradient(point, multipliers, base)
     basis = np.ascontiguousarray(q[:, e:])
     frame = Frame(basis, normal, base)
-    hessian, cross = reduced_hessian(p, problem, room, prices, frame)
+    hessian, cross = reduced_hessian(p, problem, workspace, multipliers, frame)
     values = np.empty(n - e)
     if not math.isfinite(np.sum(hessian)):
         return Model(frame, hessian, cross, values, hessian.copy(), math.nan)
@@ -551,7 +555,7 @@ def build_model(p: Array, problem: Problem, room: Room, prices: Prices) -> Model
 
 @kernel
 def length_of(x: Array) -> float:
-    """|x|."""
+    """Return the Euclidean norm of a vector."""
     s = 0.0
     for value in x:
         s += value * value
@@ -559,22 +563,22 @@ def length_of(x: Array) -> float:
 
 
 class Step(NamedTuple):
-    """A step and what the model sees of it.
+    """Hold a step and the change of the objective that the model predicts for it.
 
     Attributes:
         step: shape (n,).
-        change: of the objective, to first order.
-        bend: to second order.
+        first_order: linear part of the change.
+        second_order: quadratic part, from the Hessian of the Lagrangian.
     """
 
     step: Array
-    change: float
-    bend: float
+    first_order: float
+    second_order: float
 
 
 @allocating
 def model_step(point: Point, model: Model, radius: float, mu: Array) -> Step:
-    """The step that the model wants within the trust region; ``mu`` are its multipliers."""
+    """Return the step that minimises the model in the trust region; set its multipliers ``mu``."""
     n, z = model.frame.basis.shape
     size = length_of(model.frame.normal)
     shrink = min(1.0, 0.8 * radius / size) if size > 0.0 else 1.0
@@ -589,29 +593,29 @@ def model_step(point: Point, model: Model, radius: float, mu: Array) -> Step:
         for j in range(n):
             s += model.frame.basis[j, a] * point.gradient[j]
         slope[a] = s
-    tangent_step(make_bowl(point, model, normal, slope), radius, mu, free)
-    change = 0.0
+    tangent_step(reduce_model(point, model, normal, slope), radius, mu, free)
+    first_order = 0.0
     for j in range(n):
         s = normal[j]
         for a in range(z):
             s += model.frame.basis[j, a] * free[a]
         step[j] = s
-        change += point.gradient[j] * s
-    bend = 0.0
+        first_order += point.gradient[j] * s
+    second_order = 0.0
     for a in range(z):
-        bend += shrink * model.cross[a] * free[a]
+        second_order += shrink * model.cross[a] * free[a]
         for b in range(z):
-            bend += 0.5 * free[a] * model.hessian[a, b] * free[b]
-    return Step(step, change, bend)
+            second_order += 0.5 * free[a] * model.hessian[a, b] * free[b]
+    return Step(step, first_order, second_order)
 
 
 class Merit(NamedTuple):
-    """The merit function, objective + penalty times the sum of what is missed, as judge.
+    """Hold the l1 merit function, objective + penalty * sum of violations, at a point.
 
     Attributes:
-        penalty: weight of what is missed.
-        level: before the step.
-        promised: by how much the model lets it fall.
+        penalty: weight of the violations.
+        level: value before the step.
+        promised: decrease that the model predicts.
     """
 
     penalty: float
@@ -620,43 +624,47 @@ class Merit(NamedTuple):
 
 
 @kernel
-def merit_of(f: float, penalty: float, step: Step, point: Point, prices: Prices) -> Merit:
-    """Choose the penalty, and say what a step promises.
+def merit_of(f: float, penalty: float, step: Step, point: Point, multipliers: Multipliers) -> Merit:
+    """Choose the penalty and predict the decrease of the merit function for a step.
 
     Args:
         f: objective at the point.
-        penalty: the last one.
-        step: from there.
+        penalty: of the last step.
+        step: from the point.
         point: the point.
-        prices: multipliers there.
+        multipliers: at the point.
     """
     most = 0.0
-    for nu in prices.nu:
+    for nu in multipliers.nu:
         most = max(most, abs(nu))
-    for mu in prices.mu:
+    for mu in multipliers.mu:
         most = max(most, mu)
     total = sum_violation(point)
     gain = total - linear_violation(point, step.step)
     if not 1.5 * most <= penalty <= 6.0 * most:
         penalty = 2.0 * most + 1e-3
     if gain > 0.0:
-        penalty = max(penalty, 2.0 * (step.change + step.bend) / gain)
-    return Merit(penalty, f + penalty * total, penalty * gain - step.change - step.bend)
+        penalty = max(penalty, 2.0 * (step.first_order + step.second_order) / gain)
+    return Merit(
+        penalty, f + penalty * total, penalty * gain - step.first_order - step.second_order
+    )
 
 
 @allocating
-def try_step(step: Array, trial: Array, merit: Merit, problem: Problem, room: Room) -> float:
-    """Merit at a trial, which is improved where the constraints bend.
+def try_step(
+    step: Array, trial: Array, merit: Merit, problem: Problem, workspace: Workspace
+) -> float:
+    """Return the merit at a trial point, after second-order corrections where they help.
 
     Args:
-        step: shape (n,), that led there.
+        step: shape (n,), the step to the trial point.
         trial: shape (n,), changed by second-order corrections: the same Jacobian on the new
             residuals.
         merit: of the step.
         problem: the flight.
-        room: ``point`` is that before the step; ``other`` is written.
+        workspace: ``point`` holds the values before the step; ``other`` is written.
     """
-    scratch, point, other = room
+    scratch, point, other = workspace
     found = evaluate(trial, problem, scratch, other)
     found += merit.penalty * sum_violation(other)
     if found <= merit.level - 0.7 * merit.promised + 1e-12 * abs(merit.level):
@@ -684,12 +692,12 @@ def try_step(step: Array, trial: Array, merit: Merit, problem: Problem, room: Ro
     return found
 
 
-class Trust(NamedTuple):
-    """What the judge says of a step.
+class TrustDecision(NamedTuple):
+    """Hold the decision on a step and the next trust-region radius.
 
     Attributes:
-        accepted: whether it is taken.
-        radius: of the trust region from now on.
+        accepted: true if the step is taken.
+        radius: of the trust region for the next step.
     """
 
     accepted: bool
@@ -697,57 +705,59 @@ class Trust(NamedTuple):
 
 
 @kernel
-def judge(found: float, merit: Merit, length: float, radius: float, first: bool) -> Trust:
-    """Take a step or not, and resize the trust region.
+def assess_step(
+    found: float, merit: Merit, length: float, radius: float, first: bool
+) -> TrustDecision:
+    """Accept or reject a step and resize the trust region.
 
     Args:
         found: merit after the step.
-        merit: what was promised.
+        merit: before the step, with the predicted decrease.
         length: of the step.
         radius: of the trust region.
-        first: whether it is the first trial at this point.
+        first: true at the first trial from this point.
     """
     level, promised = merit.level, merit.promised
     if not found <= level - 0.05 * promised + 1e-12 * abs(level):
-        return Trust(False, 0.3 * min(radius, length))
+        return TrustDecision(False, 0.3 * min(radius, length))
     if first and found <= level - 0.6 * promised and length > 0.8 * radius:
-        return Trust(True, min(2.0 * radius, _LARGEST_RADIUS))
+        return TrustDecision(True, min(2.0 * radius, _LARGEST_RADIUS))
     if found > level - 0.25 * promised:
-        return Trust(True, max(0.5 * length, _SMALLEST_RADIUS))
-    return Trust(True, radius)
+        return TrustDecision(True, max(0.5 * length, _SMALLEST_RADIUS))
+    return TrustDecision(True, radius)
 
 
 @allocating
 def minimise(
-    p: Array, problem: Problem, room: Room, iterations: int, prices: Prices
+    p: Array, problem: Problem, workspace: Workspace, iterations: int, multipliers: Multipliers
 ) -> tuple[int, int, float, float]:
     """Search for the optimum from a guess.
 
     Args:
         p: shape (n,), changed.
         problem: the flight.
-        room: its ``point`` is that of ``p`` in the end.
-        iterations: at most so many.
-        prices: written.
+        workspace: on return its ``point`` holds the values at ``p``.
+        iterations: most iterations.
+        multipliers: written.
 
     Returns:
-        how it ended, iterations, largest violation, and the least eigenvalue of the Hessian of
+        exit status, iterations, largest violation, and the least eigenvalue of the Hessian of
         the Lagrangian in the null space of the equations.
     """
-    point = room.point
+    point = workspace.point
     curvature = 0.0
-    new_mu = np.zeros(prices.mu.size)
+    new_mu = np.zeros(multipliers.mu.size)
     trial = np.empty(p.size)
     penalty = 0.0
     radius = _FIRST_RADIUS
-    f = evaluate_with_gradients(p, problem, room.scratch, point)
+    f = evaluate_with_gradients(p, problem, workspace.scratch, point)
     if not math.isfinite(violation(point)):
         return NOT_FINITE, 0, math.inf, curvature
-    prices.mu[:] = 0.0
+    multipliers.mu[:] = 0.0
     for k in range(iterations):
         miss = violation(point)
-        estimate_multipliers(point, prices)
-        model = build_model(p, problem, room, prices)
+        estimate_multipliers(point, multipliers)
+        model = build_model(p, problem, workspace, multipliers)
         if problem.stop[0] != 0:
             return STOPPED, k, miss, curvature
         if not math.isfinite(model.curvature):
@@ -759,23 +769,23 @@ def minimise(
         first = True
         while not accepted:
             step = model_step(point, model, radius, new_mu)
-            if miss <= close and abs(step.change) + abs(step.bend) <= enough:
-                prices.mu[:] = new_mu
-                estimate_multipliers(point, prices)
+            if miss <= close and abs(step.first_order) + abs(step.second_order) <= enough:
+                multipliers.mu[:] = new_mu
+                estimate_multipliers(point, multipliers)
                 return CONVERGED, k, miss, curvature
-            merit = merit_of(f, penalty, step, point, prices)
+            merit = merit_of(f, penalty, step, point, multipliers)
             penalty = merit.penalty
             for j in range(p.size):
                 trial[j] = p[j] + step.step[j]
-            found = try_step(step.step, trial, merit, problem, room)
-            accepted, radius = judge(found, merit, length_of(step.step), radius, first)
+            found = try_step(step.step, trial, merit, problem, workspace)
+            accepted, radius = assess_step(found, merit, length_of(step.step), radius, first)
             first = False
             if not accepted and not radius >= _SMALLEST_RADIUS:
-                estimate_multipliers(point, prices)
+                estimate_multipliers(point, multipliers)
                 return (NO_PROGRESS if miss <= 1e-6 else NOT_FEASIBLE), k, miss, curvature
         p[:] = trial
-        prices.mu[:] = new_mu
-        f = evaluate_with_gradients(p, problem, room.scratch, point)
+        multipliers.mu[:] = new_mu
+        f = evaluate_with_gradients(p, problem, workspace.scratch, point)
     return TOO_MANY_ITERATIONS, iterations, violation(point), curvature
 
 
@@ -783,33 +793,33 @@ def minimise(
 def search(
     p: Array, problem: Problem, goal: float, iterations: int
 ) -> tuple[int, int, float, float, Array, Array, Array, Array]:
-    """Restore, then minimise.
+    """Restore feasibility, then minimise.
 
     Args:
         p: shape (n,), a guess, changed.
         problem: the flight.
         goal: violation up to which the guess is restored before the search.
-        iterations: at most so many of either.
+        iterations: most iterations of either.
 
     Returns:
-        how it ended; iterations; largest violation; least curvature; multipliers of the
+        exit status; iterations; largest violation; least curvature; multipliers of the
         equations (e,) and of the inequalities (i,); the inequalities (i,); the final state
         (8,): time s after the start, position, velocity, mass.
     """
-    room = Room(make_scratch(problem), make_point(problem), make_point(problem))
-    point = room.point
-    prices = Prices(np.zeros(point.equations.size), np.zeros(point.inequalities.size))
+    workspace = Workspace(make_scratch(problem), make_point(problem), make_point(problem))
+    point = workspace.point
+    multipliers = Multipliers(np.zeros(point.equations.size), np.zeros(point.inequalities.size))
     into_bounds(p, problem)
-    used = restore(p, problem, room, goal, iterations)
-    end, more, miss, curvature = minimise(p, problem, room, iterations, prices)
-    evaluate(p, problem, room.scratch, point)
+    used = restore(p, problem, workspace, goal, iterations)
+    end, more, miss, curvature = minimise(p, problem, workspace, iterations, multipliers)
+    evaluate(p, problem, workspace.scratch, point)
     return (
         end,
         used + more,
         miss,
         curvature,
-        prices.nu,
-        prices.mu,
+        multipliers.nu,
+        multipliers.mu,
         point.inequalities,
-        room.scratch.final,
+        workspace.scratch.final,
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A start of the solver's own: the best of a coarse sweep of linear-tangent laws.
+"""Find a first guess: the best of a coarse sweep of linear-tangent laws.
 
-The sweep stays in the vertical plane of the motion (or of the target, where its node is
-given): thrust elevation at the start and at the end, and the cut-off time that gives so much
-ideal velocity. The fairing goes where the heating first allows it.
+The sweep stays in the vertical plane of the motion, or in the plane of the target where its node
+is given. It varies the thrust elevation at the start and at the end, and the ideal velocity gain,
+which gives the cut-off time. The fairing is dropped where the heating first allows it.
 """
 
 import math
@@ -43,12 +43,12 @@ from ares_optimizer.direct.kernels.sqp import into_bounds
 from ares_optimizer.kernels.algebra import Array
 
 _SLICES = 32
-_PASSES = 3  # of placing the jettison
+_PASSES = 3  # iterations of the jettison time
 
 
 @kernel
 def cutoff_for(problem: Problem, delta_v: float) -> float:
-    """Cut-off time, s, at which the ideal velocity gain is ``delta_v`` m/s."""
+    """Return the cut-off time, s, at which the ideal velocity gain is ``delta_v`` m/s."""
     gained = 0.0
     last = problem.profile.shape[0] - 1
     for k in range(last + 1):
@@ -71,10 +71,11 @@ def cutoff_for(problem: Problem, delta_v: float) -> float:
 
 @kernel
 def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff: float) -> None:
-    """Variables of one linear-tangent law over the whole flight; held burns have its mean.
+    """Set the variables to one linear-tangent law over the whole flight.
 
     Args:
-        p: shape (n,), written except for the times of the drops, which are read.
+        p: shape (n,), written except for the times of the drops, which are read. A held burn
+            gets the law's direction at its middle.
         problem: the flight.
         direction: steering vector at the start.
         rate: its rate, 1/s.
@@ -105,12 +106,12 @@ def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff:
 
 @kernel
 def place_drops(p: Array, problem: Problem, scratch: Scratch) -> None:
-    """Move the free drops to where the heating of the last flight allowed them.
+    """Move the free drops to the times at which the heating of a flight allows them.
 
     Args:
         p: shape (n,), drop times written.
         problem: the flight.
-        scratch: with the nodes of a flight.
+        scratch: holds the nodes of the flight.
     """
     environment = problem.environment[0]
     for d in range(problem.drops.shape[0]):
@@ -144,7 +145,7 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
         scratch: from ``make_scratch``.
         point: from ``make_point``.
         starts: shape (k, n), written: the best, best first.
-        misses: shape (k,), written: sum of squares of what the terminal equations miss.
+        misses: shape (k,), written: sum of squares of the terminal residuals.
 
     Returns:
         number of starts found.

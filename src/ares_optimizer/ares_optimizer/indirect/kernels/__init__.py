@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: sampling."""
+"""Hold compiled functions: samples of a flight, comparison with the closed form."""

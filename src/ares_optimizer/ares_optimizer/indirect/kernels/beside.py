@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The closed form's steering, flown exactly beside it."""
+"""Fly the steering of the closed form in inverse-square gravity."""
 
 import math
 
@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 
 @kernel
 def _put_rates(piece: Record, mu: float, t: float, steered: Array, y: Array, rates: Array) -> None:
-    """Rates of a position and velocity that thrust along the primer of the closed form.
+    """Compute the rates of position and velocity with thrust along the closed form's primer.
 
     Args:
         piece: record SEGMENT.
         mu: m3/s2.
-        t: s from the piece's start.
-        steered: shape (12,), the closed form's state at the piece's start.
+        t: time from the start of the piece, s.
+        steered: shape (12,), state of the closed form at the start of the piece.
         y: shape (6,).
         rates: shape (6,), written.
     """
@@ -50,7 +50,7 @@ def _put_rates(piece: Record, mu: float, t: float, steered: Array, y: Array, rat
 
 @allocating
 def _fly_steered(piece: Record, mu: float, substep: float, steered: Array, exact: Array) -> None:
-    """Runge-Kutta 4 over a piece; ``exact``, shape (6,), is changed."""
+    """Integrate ``exact``, shape (6,), over a piece by Runge-Kutta 4."""
     h = piece.end - piece.start
     count = max(1, int(math.ceil(h / substep - 1e-9)))
     step = h / count
@@ -77,10 +77,10 @@ def _fly_steered(piece: Record, mu: float, substep: float, steered: Array, exact
 def exact_beside(
     segment: Record, arcs: int, gravity: Gravity, options: Record, exact: Array, work: Record
 ) -> None:
-    """One segment twice: in closed form, and its steering flown in inverse-square gravity.
+    """Fly one segment in closed form, and its steering in inverse-square gravity.
 
-    The exact flight is integrated by Runge-Kutta 4 and thrusts along the primer that the
-    closed form has at each instant.
+    The exact flight is integrated by Runge-Kutta 4 with thrust along the primer of the closed form
+    at each instant.
 
     Args:
         segment: record SEGMENT.
@@ -88,7 +88,7 @@ def exact_beside(
         gravity: the field of the closed form.
         options: record OPTIONS of the closed form; ``step`` is the longest Runge-Kutta step, s.
         exact: shape (6,), changed: r, V of the exact flight.
-        work: record WORK without tangents; ``state`` is the closed form's, changed.
+        work: record WORK without tangents; its ``state``, that of the closed form, is changed.
     """
     state = work.state
     piece = work.segments[work.segments.shape[0] - 1]

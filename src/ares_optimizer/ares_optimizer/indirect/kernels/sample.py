@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight of a solved two-point problem, sampled."""
+"""Sample the flight of a solved two-point problem."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,17 +36,17 @@ FLOW = 15
 HAMILTONIAN = 16
 LOG_HEATING = 17
 PIECE = 18
-#: Integral of lambda_v . u T/m^2 with the thrust direction u, the mass costate but for a
-#: constant, 1/s per kg.
+#: Integral of lambda_v . u T/m^2 with the thrust direction u, 1/s per kg: the mass costate plus a
+#: constant.
 MASS_COSTATE = 19
-#: Of the thrust.
+#: Thrust direction.
 DIRECTION = 20
 SAMPLE_COLUMNS = 23
 
 
 @kernel
 def _primer_between(p0: Vector, q0: Vector, p1: Vector, q1: Vector, h: float) -> Vector:
-    """Primer in the middle of a step: cubic through both ends with their rates."""
+    """Interpolate the primer at the middle of a step by a Hermite cubic."""
     middle = scale(0.5, axpy(1.0, p0, p1))
     return axpy(0.125 * h, axpy(-1.0, q1, q0), middle)
 
@@ -91,7 +91,7 @@ def _put(
 
 @kernel
 def _fly_part(part: Record, gravity: Gravity, options: Record, work: Record) -> float:
-    """Fly one step; by how much the mass costate falls on it, by Simpson's rule."""
+    """Fly one step; return the change of the mass costate integral by Simpson's rule."""
     state = work.state
     h = part.end - part.start
     p0 = (state[6], state[7], state[8])
@@ -125,19 +125,19 @@ def sample_flight(
     out: NDArray[np.float64],
     work: Record,
 ) -> int:
-    """Fly the unknowns and write samples; both ends of every segment are among them.
+    """Fly the unknowns and write samples, both ends of every segment included.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
-        options: record OPTIONS. In closed form samples stand at the ends of its arcs only.
-        unknowns: see :func:`shooting.shoot`; a drop at its earliest time makes no jump.
-        interval: s, longest between samples.
+        mission: its records.
+        options: record OPTIONS. In closed form samples are at the ends of its arcs only.
+        unknowns: see :func:`shooting.shoot`; costates do not jump at a drop at the start.
+        interval: longest interval between samples, s.
         out: shape (k, SAMPLE_COLUMNS), written.
         work: record WORK.
 
     Returns:
-        number of rows; negative: that many rows are needed.
+        number of rows; if negative, ``out`` is too small and needs that many.
     """
     gravity = begin_flight(start, mission, options, unknowns, work)
     work.columns = 0
@@ -150,7 +150,7 @@ def sample_flight(
     if rows > out.shape[0]:
         return -rows
     state = work.state
-    # the spare segment carries the steps
+    # the unused last segment holds the current step
     part = work.segments[work.segments.shape[0] - 1]
     rows = 0
     costate = 0.0

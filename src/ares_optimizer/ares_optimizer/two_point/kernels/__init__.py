@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: costates, shooting, Newton, search."""
+"""Hold compiled functions: costates, shooting, Newton, search."""

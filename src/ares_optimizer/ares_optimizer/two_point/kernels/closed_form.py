@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Thrust integrals, states and costates in closed form under linear gravity.
+"""Propagate states and costates in closed form under linear gravity.
 
 Eqs. 3.20-3.23 and 3.27-3.29. Printed: mixed arguments and scaling in 3.22, 3.23 and
-3.27-3.29, omega0 = mu/r0^3 in 3.4. What holds, with w = sqrt(mu/r0^3):
+3.27-3.29, omega0 = mu/r0^3 in 3.4. Corrected, with w = sqrt(mu/r0^3):
 
     r(t) = r0 cos wt + (V0/w) sin wt + (1/w)(sin wt Ic - cos wt Is)
     V(t) = -w r0 sin wt + V0 cos wt + cos wt Ic + sin wt Is
     Ic = int u a cos wt dt,  Is = int u a sin wt dt,  u = lambda_v/|lambda_v|
 
 with the integrals by Simpson's rule or by Milne's (the five-point rule also called
-Boole's). On a long burn the linear field is wrong by kilometres; w is then taken anew from
-the radius at the start of each shorter arc.
+Boole's). On a long burn the linear field is wrong by kilometres; the segment is then divided into
+arcs, each with w at the radius of its start.
 """
 
 import math
@@ -27,7 +27,7 @@ SIMPSON = 1
 MILNE = 2
 
 _NODES = 5
-#: Weights over the arc's length on the points 0, 1/4, 1/2, 3/4, 1.
+#: Quadrature weights at 0, 1/4, 1/2, 3/4, 1 of the arc.
 _WEIGHTS = np.array(
     [
         [1.0 / 6.0, 0.0, 4.0 / 6.0, 0.0, 1.0 / 6.0],
@@ -38,10 +38,10 @@ _WEIGHTS = np.array(
 
 @kernel
 def correct_gravity(mu: float, omega: float, h: float, work: Record) -> None:
-    """Half an arc's worth of what the linear field leaves out, as an impulse.
+    """Apply half an arc of the nonlinear part of gravity as an impulse.
 
-    V += h/2 (g(r) + w^2 r) and lambda_v' += h/2 (G(r) + w^2) lambda_v: made at both ends of
-    an arc, the error falls with the square of its length instead of with its length.
+    V += h/2 (g(r) + w^2 r) and lambda_v' += h/2 (G(r) + w^2) lambda_v. Applied at both ends of an
+    arc, this makes the error second order in its length instead of first.
 
     Args:
         mu: m3/s2.
@@ -92,13 +92,13 @@ def correct_gravity(mu: float, omega: float, h: float, work: Record) -> None:
 
 
 class _Arc(NamedTuple):
-    """One of the equal arcs of a segment.
+    """Hold one of the equal arcs of a segment.
 
     Attributes:
-        number: which.
-        parts: how many there are.
+        number: index of the arc.
+        parts: number of arcs.
         h: length, s.
-        omega: 1/s.
+        omega: w of the arc, 1/s.
     """
 
     number: int
@@ -109,7 +109,7 @@ class _Arc(NamedTuple):
 
 @kernel
 def _omega_here(gravity: Gravity, work: Record) -> float:
-    """w of an arc that begins at ``work.state``, with its tangents; 1/s."""
+    """Return w, 1/s, of an arc that begins at ``work.state``; write its tangents."""
     if gravity.omega_square > 0.0:
         return math.sqrt(gravity.omega_square)
     state = work.state
@@ -126,7 +126,7 @@ def _omega_here(gravity: Gravity, work: Record) -> float:
 
 @kernel
 def _add_node(segment: Record, arc: _Arc, node: int, weight: float, work: Record) -> None:
-    """Add one node's part to the thrust integrals Ic, Is of an arc and to their tangents."""
+    """Add one quadrature node to the thrust integrals Ic, Is of an arc and their tangents."""
     state = work.state
     tangent = work.tangent
     integrals = work.stage[0]
@@ -185,7 +185,7 @@ def _add_node(segment: Record, arc: _Arc, node: int, weight: float, work: Record
 
 @kernel
 def _end_arc(arc: _Arc, work: Record) -> None:
-    """State and tangents at the end of an arc, from its integrals."""
+    """Compute state and tangents at the end of an arc from its integrals."""
     state = work.state
     tangent = work.tangent
     omega = arc.omega
@@ -242,16 +242,16 @@ def _end_arc(arc: _Arc, work: Record) -> None:
 def closed_form_segment(
     segment: Record, arcs: int, gravity: Gravity, options: Record, work: Record
 ) -> None:
-    """Carry ``work.state`` and ``work.tangent`` over one segment, on equal arcs in closed form.
+    """Propagate ``work.state`` and ``work.tangent`` over equal closed-form arcs.
 
     Args:
         segment: record SEGMENT.
         arcs: number of arcs.
-        gravity: its omega_square is held over the segment; 0: mu/r^3 anew at every arc's start.
-        options: record OPTIONS: ``propagator`` is the rule, ``corrected`` gives the rest of
-            inverse-square gravity as an impulse at the arcs' ends.
-        work: record WORK; ``columns`` says how many tangents to carry. ``stage[0]`` holds Ic, Is
-            of the last arc in the end.
+        gravity: its omega_square, constant over the segment; 0: mu/r^3 at the start of each arc.
+        options: record OPTIONS: ``propagator`` selects the rule; with ``corrected`` the nonlinear
+            part of gravity is applied as impulses at the ends of the arcs.
+        work: record WORK; ``columns`` is the number of tangents. On return ``stage[0]`` holds Ic
+            and Is of the last arc.
     """
     h = (segment.end - segment.start) / arcs
     set_stretch(segment, arcs, work)

@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States and costates along a segment, with their derivatives by the unknowns.
+"""Integrate states and costates along a segment, with their derivatives by the unknowns.
 
-In place of lambda_r the kernels carry the rate of the primer, lambda_v' = -lambda_r
-(Eq. 3.17): position r and primer p = lambda_v then obey two equations of second order,
+The kernels integrate the rate of the primer, lambda_v' = -lambda_r (Eq. 3.17), in place of
+lambda_r. Position r and primer p = lambda_v then obey two equations of second order,
 
     r'' = g(r) + (T/m) p/|p|        p'' = G(r) p,        G = dg/dr,
 
-(along w in a burn in held attitude, see ``held_burns``),
+(with w for p/|p| in a burn in held attitude, see ``held_burns``). These are Eqs. 3.14-3.17 with
+lambda_r' = -G^T lambda_v for any gravity; under linear gravity G = -omega^2 and the second is
+Eq. 3.18. The right-hand sides contain no first derivative, so a Runge-Kutta-Nystroem method
+(``kernels/nystroem.py``) of order 6 needs five evaluations.
 
-Eqs. 3.14-3.17 with lambda_r' = -G^T lambda_v for any gravity; under linear gravity
-G = -omega^2 and the second is Eq. 3.18. No first derivative stands on the right, so a
-Runge-Kutta-Nystroem method takes five evaluations for order 6.
+Tangents are exact derivatives of the discrete map, one column per unknown; an unknown time
+changes the step length of the segments that it bounds.
 
-Tangents are exact derivatives of the discrete map: every column follows one unknown, and
-the unknown times stretch the steps of the segments that they bound.
-
-Sources: Bryson and Ho, *Applied Optimal Control*, section 3.5 for the interior condition (Eqs.
-3.44, 3.45); the method stands in ``kernels/nystroem.py``.
+Source: Bryson and Ho, *Applied Optimal Control*, section 3.5 for the interior condition (Eqs.
+3.44, 3.45).
 """
 
 import math
@@ -39,11 +38,11 @@ from ares_optimizer.kernels.timetable import COLUMN_CUTOFF
 from ares_optimizer.two_point.arrays import LINEAR, Gravity
 from ares_optimizer.two_point.kernels.gravity import oblate_curvature, oblate_terms
 from ares_optimizer.two_point.kernels.held_burns import (
-    add_pull,
+    add_primer_impulse,
     along_by_direction,
     along_thrust,
     direction_column,
-    note_pull_rate,
+    store_primer_thrust,
 )
 
 
@@ -55,14 +54,14 @@ def thrust_acceleration_tangents(
     columns: int,
     tangents: NDArray[np.float64],
 ) -> float:
-    """T/m at ``s`` seconds into a segment, and its derivative by column.
+    """Return T/m at ``s`` seconds into a segment; write its derivatives.
 
     Args:
         segment: record SEGMENT.
         s: s from its start.
-        fraction: s over the segment's length; a moving end carries it along.
-        columns: how many columns to carry.
-        tangents: shape (columns,), written.
+        fraction: s over the length of the segment, constant when the ends move.
+        columns: number of columns.
+        tangents: shape (columns,), written: derivative by each unknown.
 
     Returns:
         m/s2.
@@ -87,14 +86,14 @@ def thrust_acceleration_tangents(
 
 
 class _Stage(NamedTuple):
-    """A stage of a step.
+    """Hold a stage of an integration step.
 
     Attributes:
-        number: in the tableau.
-        h: length of the step, s.
-        r: position there, m.
-        p: primer there.
-        by_r, by_p: weighted sums of the accelerations before: what h^2 multiplies.
+        number: row of the tableau.
+        h: step length, s.
+        r: position, m.
+        p: primer.
+        by_r, by_p: weighted sums of the earlier stages' accelerations, the factors of h^2.
     """
 
     number: int
@@ -107,7 +106,7 @@ class _Stage(NamedTuple):
 
 @kernel
 def _stage_at(index: int, h: float, work: Record) -> _Stage:
-    """Position and primer at a stage, from the accelerations of those before it."""
+    """Return position and primer at a stage, from the accelerations of the earlier stages."""
     state = work.state
     stage = work.stage
     ch = NODES[index] * h
@@ -141,7 +140,7 @@ def _stage_at(index: int, h: float, work: Record) -> _Stage:
 
 @kernel
 def _stage_tangents(at: _Stage, work: Record) -> None:
-    """Derivatives of position and primer at a stage by each unknown, into ``work.moved``."""
+    """Write derivatives of position and primer at a stage into ``work.moved``."""
     state = work.state
     tangent = work.tangent
     stage_tangent = work.stage_tangent
@@ -165,7 +164,7 @@ def _stage_tangents(at: _Stage, work: Record) -> None:
             b2 += a * stage_tangent[q, c, 5]
         w = work.stretch[c]
         if w != 0.0:
-            # a moving end changes the step itself
+            # derivative of the step length
             x = w * NODES[at.number]
             z = 2.0 * w * at.h
             a0 += x * state[3] + z * at.by_r[0]
@@ -186,12 +185,12 @@ def _stage_tangents(at: _Stage, work: Record) -> None:
 def _put_accelerations(
     at: _Stage, thrust: float, held: int, gravity: Gravity, work: Record
 ) -> None:
-    """Accelerations of position and primer at a stage into ``work``, and their tangents.
+    """Write the accelerations of position and primer at a stage, with tangents.
 
     Args:
         at: the stage.
-        thrust: T/m, m/s2; its tangents stand in ``work.thrust``.
-        held: number of the held burn whose direction is flown; 0: thrust along the primer.
+        thrust: T/m, m/s2; its tangents are in ``work.thrust``.
+        held: number of the held burn that sets the direction; 0: thrust along the primer.
         gravity: the field.
         work: record WORK.
     """
@@ -228,10 +227,10 @@ def _put_accelerations(
     _stage_tangents(at, work)
     oblate = gravity.model != LINEAR and gravity.oblateness != 0.0
     if oblate:
-        g, bend = oblate_terms(at.r, gravity.oblateness, at.p)
+        g, gradient_p = oblate_terms(at.r, gravity.oblateness, at.p)
         for n in range(3):
             stage[m, n] += g[n]
-            stage[m, 3 + n] += bend[n]
+            stage[m, 3 + n] += gradient_p[n]
     for c in range(work.columns):
         a0, a1, a2 = moved[c, 0], moved[c, 1], moved[c, 2]
         b0, b1, b2 = moved[c, 3], moved[c, 4], moved[c, 5]
@@ -265,7 +264,7 @@ def _put_accelerations(
 
 @kernel
 def _end_step(last: _Stage, work: Record) -> None:
-    """State and tangents at the end of a step; ``last`` is its last stage."""
+    """Compute state and tangents at the end of a step; ``last`` is its last stage."""
     state = work.state
     stage = work.stage
     tangent = work.tangent
@@ -314,7 +313,7 @@ def _end_step(last: _Stage, work: Record) -> None:
 
 @kernel
 def set_stretch(segment: Record, parts: int, work: Record) -> None:
-    """How much each unknown stretches one of the equal parts of a segment, into ``work``."""
+    """Write the derivative of the length of a segment's equal parts into ``work.stretch``."""
     for c in range(work.columns):
         work.stretch[c] = 0.0
     if segment.moves == 0:
@@ -325,23 +324,23 @@ def set_stretch(segment: Record, parts: int, work: Record) -> None:
 
 
 @kernel
-def _note_impulse_rate(
+def _store_costate_rate(
     segment: Record, s: float, fraction: float, at: _Stage, work: Record
 ) -> None:
-    """lambda_v . u T/m^2 at a stage, and its tangents, into ``work``; u: thrust direction.
+    """Write lambda_v . u T/m^2 at a stage, u: thrust direction, and its tangents.
 
     Args:
         segment: record SEGMENT.
         s: s from its start.
         fraction: s over the segment's length.
-        at: the stage; T/m has its tangents in ``work.thrust``, the primer in ``work.moved``.
+        at: the stage; tangents of T/m are in ``work.thrust``, of the primer in ``work.moved``.
         work: record WORK.
     """
     mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
     flow = segment.flow + segment.flow_slope * s
     acceleration = (segment.thrust + segment.thrust_slope * s) / mass
     length, u = along_thrust(segment, at.p, work)
-    work.impulse_rate = length * acceleration / mass
+    work.costate_rate = length * acceleration / mass
     for c in range(work.columns):
         along = u[0] * work.moved[c, 3] + u[1] * work.moved[c, 4] + u[2] * work.moved[c, 5]
         along += along_by_direction(c, segment, at.p, work)
@@ -350,37 +349,37 @@ def _note_impulse_rate(
             i = c - COLUMN_CUTOFF
             by_mass = segment.mass_by[i] - s * segment.flow_by[i]
             by_mass -= flow * fraction * (segment.end_by[i] - segment.start_by[i])
-        work.impulse_rate_by[c] = (
+        work.costate_rate_by[c] = (
             along * acceleration + length * work.thrust[c] - length * acceleration * by_mass / mass
         ) / mass
 
 
 @kernel
-def _add_impulse_rate(weight: float, h: float, work: Record) -> None:
-    """Add a stage's part to the rise of the mass costate over a segment."""
-    work.costate_rise += h * weight * work.impulse_rate
+def _add_costate_rate(weight: float, h: float, work: Record) -> None:
+    """Add the contribution of a stage to the rise of the mass costate."""
+    work.costate_rise += h * weight * work.costate_rate
     for c in range(work.columns):
         work.costate_rise_by[c] += weight * (
-            h * work.impulse_rate_by[c] + work.stretch[c] * work.impulse_rate
+            h * work.costate_rate_by[c] + work.stretch[c] * work.costate_rate
         )
 
 
 @kernel
 def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Record) -> None:
-    """Carry ``work.state`` and ``work.tangent`` over one segment, in equal steps.
+    """Integrate ``work.state`` and ``work.tangent`` over a segment in equal steps.
 
     Args:
         segment: record SEGMENT.
         steps: number of steps.
         gravity: the field.
-        work: record WORK; ``columns`` says how many tangents to carry. If ``planned``, the
-            rise of the mass costate is written too.
+        work: record WORK; ``columns`` is the number of tangents. If ``planned``, the rise of
+            the mass costate is written too.
     """
     h = (segment.end - segment.start) / steps
     set_stretch(segment, steps, work)
     stage = work.stage
     stage_tangent = work.stage_tangent
-    # where thrust is in proportion to the mass, it changes the costate otherwise
+    # throttled to constant acceleration, the mass costate has a closed form (free_arcs)
     costate = work.planned == 1 and segment.fading == 0.0
     held = segment.held
     flown = held if work.aiming == 0 else 0
@@ -390,7 +389,7 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
     for step in range(steps):
         first = 0
         if step > 0:
-            # first same as last: thrust is continuous within a segment
+            # first stage same as last (FSAL): thrust is continuous within a segment
             first = 1
             for n in range(6):
                 stage[0, n] = stage[STAGES - 1, n]
@@ -398,9 +397,9 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
                 for n in range(6):
                     stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
             if costate:
-                _add_impulse_rate(VELOCITY_WEIGHTS[0], h, work)
+                _add_costate_rate(VELOCITY_WEIGHTS[0], h, work)
             if held > 0:
-                add_pull(work.aims[held - 1], VELOCITY_WEIGHTS[0], h, work)
+                add_primer_impulse(work.aims[held - 1], VELOCITY_WEIGHTS[0], h, work)
         for m in range(first, STAGES):
             at = _stage_at(m, h, work)
             into = step + NODES[m]
@@ -409,22 +408,22 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
             )
             _put_accelerations(at, thrust, flown, gravity, work)
             if held > 0:
-                note_pull_rate(at.p, thrust, work)
-                add_pull(work.aims[held - 1], VELOCITY_WEIGHTS[m], h, work)
+                store_primer_thrust(at.p, thrust, work)
+                add_primer_impulse(work.aims[held - 1], VELOCITY_WEIGHTS[m], h, work)
             if costate:
-                _note_impulse_rate(segment, into * h, into / steps, at, work)
-                _add_impulse_rate(VELOCITY_WEIGHTS[m], h, work)
+                _store_costate_rate(segment, into * h, into / steps, at, work)
+                _add_costate_rate(VELOCITY_WEIGHTS[m], h, work)
             if m == STAGES - 1:
                 _end_step(at, work)
         if work.planned == 1:
-            # a coast may dip between its ends
+            # the perigee of a coast may lie between its ends
             r = (work.state[0], work.state[1], work.state[2])
             work.lowest = min(work.lowest, math.sqrt(dot(r, r)))
 
 
 @kernel
 def log_density_curvature(h: float, atmosphere: NDArray[np.float64]) -> float:
-    """Second derivative of log density with altitude, 1/m2; 0 beyond the table's ends.
+    """Return the second derivative of log density by altitude, 1/m2; 0 below the table.
 
     Args:
         h: altitude, m.
@@ -446,7 +445,7 @@ def log_density_curvature(h: float, atmosphere: NDArray[np.float64]) -> float:
 
 @kernel
 def altitude_hessian_product(r: Vector, dr: Vector, environment: Record) -> Vector:
-    """Second derivative of altitude (Eq. 2.15) by position, times ``dr``; 1/m times m.
+    """Return the Hessian of altitude (Eq. 2.15) by position, times ``dr``.
 
     Args:
         r: position, m.
@@ -492,7 +491,7 @@ def log_heating_hessian_product(
     environment: Record,
     atmosphere: NDArray[np.float64],
 ) -> tuple[Vector, Vector]:
-    """Change of the gradient of log heating when the state changes by (dr, dv).
+    """Return the change of the gradient of log heating with the state.
 
     Args:
         r: position, m.

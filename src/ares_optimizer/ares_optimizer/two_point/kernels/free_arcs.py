@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conditions at the ends of free arcs: what a second more of each is worth.
+"""Write the optimality conditions at the ends of free arcs.
 
-Along an arc the Hamiltonian is H = lambda_r . V + lambda_v . g + |lambda_v| T/m - (mu + c) b,
-lambda_v . w in place of |lambda_v| where the direction w is held (``held_burns``), with b the
-mass flow, mu the mass costate and c the price of propellant, which the free burns pay. Nothing
-depends on the date, so that an arc whose length is free has H = 0 at its end; the last free burn
-of all gives c. mu is 0 at the end of the flight and where a stage is dropped, and rises by the
-integral of |lambda_v| T/m^2 (lambda_v . w T/m^2), or, where a burn is throttled to a constant
-acceleration, as (mu + c) b/m. An arc that is held at a bound has H >= 0 at its longest and
-H <= 0 at its shortest. A burn that ends with the propellant of its stage has H = 0 for a mu of
-its own, that of the burns before it.
+Along an arc the Hamiltonian is H = lambda_r . V + lambda_v . g + |lambda_v| T/m - (mu + c) b, with
+b the mass flow, mu the mass costate and c the price of propellant, for free burns only;
+lambda_v . w replaces |lambda_v| where the direction w is held (``held_burns``). H does not depend
+on time, so H = 0 at the end of an arc of free length; the last free burn determines c. mu is 0 at
+the end of the flight and where a stage is dropped. It rises by the integral of |lambda_v| T/m^2
+(lambda_v . w T/m^2), or as (mu + c) b/m in a burn throttled to constant acceleration. An arc at its
+longest has H >= 0, at its shortest H <= 0. In a burn that ends with depletion H = 0 determines mu,
+which holds for the earlier burns of its stage.
 
 Source: Bryson and Ho, *Applied Optimal Control*, sections 3.5 and 3.6.
 """
@@ -39,18 +38,18 @@ from ares_optimizer.two_point.kernels.costates import (
 from ares_optimizer.two_point.kernels.gravity import gravity_terms
 from ares_optimizer.two_point.kernels.held_burns import along_by_direction, along_thrust
 
-_LENGTH_UNIT = 100.0  # s, of the rows that hold an arc
+_LENGTH_UNIT = 100.0  # s, scale of the equations that fix a length
 
 
 @kernel
 def last_is_free(arcs: NDArray[Any]) -> bool:
-    """Whether the last burn ends by guidance."""
+    """Return true if guidance ends the last burn."""
     return arcs[arcs.shape[0] - 1].duration == np.inf
 
 
 @kernel
 def find_switches(start: Record, arcs: NDArray[Any], work: Record) -> None:
-    """Which arcs end freely, into ``work``; the last one closes the list."""
+    """List the arcs with free ends in ``work``; the last arc of the mission comes last."""
     count = free_count(start, arcs)
     work.planned = 1 if count > 0 or not last_is_free(arcs) else 0
     f = 0
@@ -62,12 +61,12 @@ def find_switches(start: Record, arcs: NDArray[Any], work: Record) -> None:
 
 
 @kernel
-def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
-    """Hamiltonian of the arc that segment ``i`` ends, without mass costate and cost.
+def store_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
+    """Store the Hamiltonian at the end of an arc, without mass costate and price.
 
     Args:
         f: index into ``work.switches``, written.
-        i: segment; its end is in ``work.state`` and ``work.tangent``.
+        i: last segment of the arc; its end is in ``work.state`` and ``work.tangent``.
         gravity: the field.
         work: record WORK.
     """
@@ -81,7 +80,7 @@ def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
     v = (state[3], state[4], state[5])
     p = (state[6], state[7], state[8])
     q = (state[9], state[10], state[11])
-    g, bend = gravity_terms(r, gravity, p)
+    g, gradient_p = gravity_terms(r, gravity, p)
     size, u = along_thrust(segment, p, work)
     switch.segment = i
     switch.flow = segment_flow(segment, segment.end)
@@ -102,7 +101,7 @@ def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
         dp = (tangent[c, 6], tangent[c, 7], tangent[c, 8])
         dq = (tangent[c, 9], tangent[c, 10], tangent[c, 11])
         switch.value_by[c] = (
-            dot(bend, dr)
+            dot(gradient_p, dr)
             + dot(g, dp)
             + acceleration * (dot(u, dp) + along_by_direction(c, segment, p, work))
             + size * work.thrust[c]
@@ -112,8 +111,8 @@ def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
 
 
 @kernel
-def note_segment(i: int, arcs: NDArray[Any], gravity: Gravity, work: Record) -> None:
-    """What the conditions need of segment ``i``, just flown."""
+def store_segment(i: int, arcs: NDArray[Any], gravity: Gravity, work: Record) -> None:
+    """Store costate rise and Hamiltonian of segment ``i``, just flown."""
     work.rises[i] = work.costate_rise
     for c in range(work.columns_wanted):
         work.rises_by[i, c] = work.costate_rise_by[c] if c < work.columns else 0.0
@@ -122,15 +121,15 @@ def note_segment(i: int, arcs: NDArray[Any], gravity: Gravity, work: Record) -> 
     while work.switches[f].arc < segment.arc:
         f += 1
     if segment.end_arc >= 0:
-        note_switch(f, i, gravity, work)
+        store_switch(f, i, gravity, work)
     elif segment.arc == arcs.shape[0] - 1 and segment.after_cutoff == 0:
-        # the last of its segments has the last word
-        note_switch(f, i, gravity, work)
+        # overwritten by later segments of the last arc
+        store_switch(f, i, gravity, work)
 
 
 @kernel
 def _clear_costate(columns: int, work: Record) -> None:
-    """The mass costate where a mass has no future."""
+    """Set the mass costate to 0: end of flight, or stage dropped."""
     costate = work.mass_costate
     costate.value = 0.0
     costate.priced = 0.0
@@ -140,8 +139,11 @@ def _clear_costate(columns: int, work: Record) -> None:
 
 
 @kernel
-def _meet_switch(switch: Record, work: Record) -> None:
-    """Take the mass costate's part off the Hamiltonian at an end; a dry end sets the costate."""
+def _subtract_mass_costate(switch: Record, work: Record) -> None:
+    """Subtract the mass costate term from the Hamiltonian at the end of an arc.
+
+    At depletion the term is unknown instead, and H = 0 sets the mass costate.
+    """
     costate = work.mass_costate
     flow = switch.flow
     if switch.hold == DRY:
@@ -161,8 +163,8 @@ def _meet_switch(switch: Record, work: Record) -> None:
 
 
 @kernel
-def _back_over(i: int, arcs: NDArray[Any], work: Record) -> None:
-    """Carry the mass costate from the end of segment ``i`` to its start."""
+def _costate_over_segment(i: int, arcs: NDArray[Any], work: Record) -> None:
+    """Propagate the mass costate from the end of segment ``i`` to its start."""
     costate = work.mass_costate
     segment = work.segments[i]
     if segment.fading == 0.0:
@@ -170,7 +172,7 @@ def _back_over(i: int, arcs: NDArray[Any], work: Record) -> None:
         for c in range(work.columns_wanted):
             costate.value_by[c] -= work.rises_by[i, c]
         return
-    # mu' = (mu + c) b / m, for a burn that pays
+    # mu' = (mu + c) b / m; c applies to free burns only
     pays = 1.0 if arcs[segment.arc].duration == np.inf else 0.0
     kept = math.exp(-segment.fading * (segment.end - segment.start))
     for c in range(work.columns_wanted):
@@ -186,7 +188,7 @@ def _back_over(i: int, arcs: NDArray[Any], work: Record) -> None:
 
 @kernel
 def add_mass_costate(count: int, arcs: NDArray[Any], work: Record) -> None:
-    """Take the mass costate's part off the Hamiltonians, from the end of the flight back.
+    """Subtract the mass costate terms from the Hamiltonians, backwards in time.
 
     Args:
         count: number of free arcs before the last.
@@ -200,14 +202,14 @@ def add_mass_costate(count: int, arcs: NDArray[Any], work: Record) -> None:
         if arcs[following.arc].stage != arcs[work.segments[i].arc].stage:
             _clear_costate(work.columns_wanted, work)
         while f >= 0 and work.switches[f].segment == i:
-            _meet_switch(work.switches[f], work)
+            _subtract_mass_costate(work.switches[f], work)
             f -= 1
-        _back_over(i, arcs, work)
+        _costate_over_segment(i, arcs, work)
 
 
 @kernel
 def bound_of(switch: Record, arcs: NDArray[Any]) -> float:
-    """Length at which an arc is held, s."""
+    """Return the length, s, that the active constraint of an arc prescribes."""
     arc = arcs[switch.arc]
     if switch.hold == AT_SHORTEST:
         return max(arc.shortest, AT_ONCE)
@@ -215,13 +217,13 @@ def bound_of(switch: Record, arcs: NDArray[Any]) -> float:
         return arc.longest
     if switch.hold == HELD:
         return switch.length
-    # the last burn, of fixed length
+    # otherwise the last burn, of fixed length
     return arc.duration
 
 
 @kernel
 def longest_burn(k: int, arcs: NDArray[Any], work: Record) -> float:
-    """Length of burn ``k`` with which its stage runs dry, s."""
+    """Return the length of burn ``k``, s, at which its stage is depleted."""
     arc = arcs[k]
     begin = work.layout.begins[k]
     left = arc.propellant - begin.used
@@ -242,13 +244,15 @@ def longest_burn(k: int, arcs: NDArray[Any], work: Record) -> float:
 
 
 @kernel
-def room(f: int, arcs: NDArray[Any], x: NDArray[np.float64], work: Record) -> tuple[float, float]:
-    """How far a free arc's length is from its shortest and from its longest, s.
+def length_margins(
+    f: int, arcs: NDArray[Any], x: NDArray[np.float64], work: Record
+) -> tuple[float, float]:
+    """Return the margins of a free arc's length to its shortest and its longest, s.
 
     Args:
         f: index into ``work.switches``.
         arcs: dtype ARC.
-        x: unknowns; the begins in ``work`` are theirs.
+        x: unknowns, for which ``work`` holds the begins of the arcs.
         work: record WORK.
     """
     k = work.switches[f].arc
@@ -262,11 +266,14 @@ def room(f: int, arcs: NDArray[Any], x: NDArray[np.float64], work: Record) -> tu
 
 @kernel
 def lengths_inside(start: Record, arcs: NDArray[Any], x: NDArray[np.float64], work: Record) -> bool:
-    """Whether all free arcs that nothing holds are between their bounds; as of :func:`room`."""
+    """Return true if all unconstrained free arcs are between their bounds.
+
+    Arguments: see :func:`length_margins`.
+    """
     for f in range(free_count(start, arcs)):
         if work.switches[f].hold != NOT_HELD:
             continue
-        shorter, longer = room(f, arcs, x, work)
+        shorter, longer = length_margins(f, arcs, x, work)
         if shorter < 0.0 or longer < 0.0:
             return False
     return True
@@ -274,7 +281,7 @@ def lengths_inside(start: Record, arcs: NDArray[Any], x: NDArray[np.float64], wo
 
 @kernel
 def dry_row(row: int, switch: Record, arcs: NDArray[Any], work: Record) -> None:
-    """The equation of a burn that ends with its stage's propellant."""
+    """Write the equation of a burn that ends with depletion of its stage."""
     arc = arcs[switch.arc]
     begin = work.layout.begins[switch.arc]
     size = 1.0 / (arc.mass_flow * _LENGTH_UNIT)
@@ -289,7 +296,7 @@ def dry_row(row: int, switch: Record, arcs: NDArray[Any], work: Record) -> None:
 def hold_row(
     row: int, column: int, switch: Record, arcs: NDArray[Any], x: float, work: Record
 ) -> None:
-    """The equation that holds the end of an arc.
+    """Write the equation that fixes the length of an arc.
 
     Args:
         row: of residual and Jacobian, written.
@@ -316,17 +323,17 @@ def switch_rows(
     first: int,
     work: Record,
 ) -> bool:
-    """Residuals and Jacobian rows of the free ends; what each is worth.
+    """Write residuals, Jacobian rows and switching functions of the free ends.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         unknowns: see ``shooting.shoot``.
-        first: column of the first free end, and its row.
+        first: column and row of the first free end.
         work: record WORK, the flight just flown.
 
     Returns:
-        False if no free burn is left to set the price of propellant.
+        False if no free burn determines the price of propellant.
     """
     arcs = mission.arcs
     count = free_count(start, arcs)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gravity of the two-point problem with its first two derivatives: sphere, J2, or linear.
+"""Compute gravity and its first two derivatives: sphere, J2, or linear.
 
-Of the oblateness, with k = 1.5 J2 mu R^2 (Eq. 2.13 with J2), s = r . r and z along the pole,
+The J2 term, with k = 1.5 J2 mu R^2 (Eq. 2.13 with J2), s = r . r and z along the pole, is
 
     g = -k [(s^-5/2 - 5 z^2 s^-7/2) r + 2 z s^-5/2 e_z].
 """
@@ -18,7 +18,7 @@ POLE = (0.0, 0.0, 1.0)
 
 @kernel
 def field_of(environment: Record) -> Gravity:
-    """Inverse-square gravity with the oblateness of a mission."""
+    """Return the inverse-square gravity of a mission, with its J2 term."""
     radius = environment.equatorial_radius
     oblateness = 1.5 * environment.j2 * environment.mu * radius * radius
     return Gravity(environment.mu, 0.0, INVERSE_SQUARE, oblateness)
@@ -26,7 +26,7 @@ def field_of(environment: Record) -> Gravity:
 
 @kernel
 def _first_changes(r: Vector, p: Vector) -> tuple[float, float]:
-    """Changes of s^-5/2 - 5 z^2 s^-7/2 and of z s^-5/2 along ``p``."""
+    """Differentiate s^-5/2 - 5 z^2 s^-7/2 and z s^-5/2 along ``p``."""
     square = dot(r, r)
     along = dot(r, p)
     z = r[2]
@@ -39,20 +39,20 @@ def _first_changes(r: Vector, p: Vector) -> tuple[float, float]:
 
 @kernel
 def oblate_terms(r: Vector, oblateness: float, p: Vector) -> tuple[Vector, Vector]:
-    """Acceleration by the oblateness, m/s2, and its gradient times ``p``."""
+    """Return the J2 acceleration, m/s2, and its gradient times ``p``."""
     square = dot(r, r)
     z = r[2]
     b = 1.0 / (square * square * square * math.sqrt(square))
     level = b * square - 5.0 * z * z * b
     first, second = _first_changes(r, p)
     g = axpy(2.0 * z * b * square, POLE, scale(level, r))
-    bend = axpy(2.0 * second, POLE, axpy(first, r, scale(level, p)))
-    return scale(-oblateness, g), scale(-oblateness, bend)
+    gradient_p = axpy(2.0 * second, POLE, axpy(first, r, scale(level, p)))
+    return scale(-oblateness, g), scale(-oblateness, gradient_p)
 
 
 @kernel
 def oblate_curvature(r: Vector, oblateness: float, p: Vector, a: Vector) -> Vector:
-    """Change of the gradient of the oblateness' acceleration along ``a``, times ``p``."""
+    """Differentiate the gradient of the J2 acceleration along ``a``; multiply by ``p``."""
     square = dot(r, r)
     z = r[2]
     rp = dot(r, p)
@@ -78,15 +78,15 @@ def oblate_curvature(r: Vector, oblateness: float, p: Vector, a: Vector) -> Vect
 
 @kernel
 def gravity_terms(r: Vector, gravity: Gravity, p: Vector) -> tuple[Vector, Vector]:
-    """Gravity g, m/s2, and its gradient times ``p``."""
+    """Return gravity g, m/s2, and its gradient times ``p``."""
     if gravity.model == LINEAR:
         return scale(-gravity.omega_square, r), scale(-gravity.omega_square, p)
     square = dot(r, r)
     k = gravity.mu / (square * math.sqrt(square))
     g = scale(-k, r)
-    bend = axpy(3.0 * k * dot(r, p) / square, r, scale(-k, p))
+    gradient_p = axpy(3.0 * k * dot(r, p) / square, r, scale(-k, p))
     if gravity.oblateness != 0.0:
-        more, more_bend = oblate_terms(r, gravity.oblateness, p)
+        more, more_gradient_p = oblate_terms(r, gravity.oblateness, p)
         g = axpy(1.0, more, g)
-        bend = axpy(1.0, more_bend, bend)
-    return g, bend
+        gradient_p = axpy(1.0, more_gradient_p, gradient_p)
+    return g, gradient_p

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A first guess of the two-point problem, from the state alone."""
+"""Guess the unknowns of the two-point problem from the state alone."""
 
 import math
 from typing import NamedTuple
@@ -46,12 +46,12 @@ _MOST_PANELS = 2000
 def steering_integrals(
     omega: float, origin: float, work: Record
 ) -> tuple[float, float, float, float]:
-    """Integrals of a, a cos^2, a cos sin, a sin^2 of omega (t - origin) over the segments.
+    """Integrate a, a cos^2, a cos sin, a sin^2 of omega (t - origin) over the flight.
 
     Args:
         omega: 1/s.
         origin: s.
-        work: record WORK with its segments laid out.
+        work: record WORK with its segments.
 
     Returns:
         m/s each.
@@ -85,12 +85,12 @@ def steering_integrals(
 
 
 class OwnStart(NamedTuple):
-    """A guess of the solver's own.
+    """Hold the parameters of a built-in guess.
 
     Attributes:
-        rounds: of the iteration; a few are enough.
+        rounds: iterations; a few are enough.
         wait: s from the earliest drop to the guessed time of a heating jettison.
-        branch: 1, or -1 to guess the other of two planes through the end point.
+        branch: 1, or -1 for the other of two planes through the end point.
     """
 
     rounds: int
@@ -99,13 +99,13 @@ class OwnStart(NamedTuple):
 
 
 class _Burn(NamedTuple):
-    """The present guess as the steering sees it.
+    """Hold times and thrust integrals of the current guess.
 
     Attributes:
         start: s.
         omega: 1/s, of linear gravity.
-        end: s, of the thrust.
-        total: m/s, integral of T/m; cc, cs, ss: with cos^2, cos sin, sin^2 of omega t.
+        end: end of thrust, s.
+        total: integral of T/m, m/s; cc, cs, ss: the same times cos^2, cos sin, sin^2 of omega t.
     """
 
     start: float
@@ -121,11 +121,11 @@ class _Burn(NamedTuple):
 def _first_cutoff(
     start: Record, mission: MissionRecords, gain: float, work: Record
 ) -> tuple[float, float]:
-    """A first cut-off time, s, and the least burn of the last arc to be guessed, s.
+    """Return a first cut-off time, s, and the least guessed burn of the last arc, s.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         gain: velocity to the target, m/s.
         work: record WORK with its floors.
     """
@@ -134,7 +134,7 @@ def _first_cutoff(
     span = work.ceiling - floor
     if start.arc < arcs.shape[0] - 1:
         return floor + 0.5 * span, 0.02 * span
-    # the last burn runs: little may be left of it
+    # the last burn is running: its remainder may be short
     final = arcs[arcs.shape[0] - 1]
     mass = begin_mass(start, arcs)
     cutoff = floor - math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
@@ -143,7 +143,7 @@ def _first_cutoff(
 
 @kernel
 def _guess_times(cutoff: float, wait: float, unknowns: NDArray[np.float64], work: Record) -> None:
-    """Cut-off and jettison times into ``unknowns``."""
+    """Write cut-off and jettison times into ``unknowns``."""
     unknowns[COLUMN_CUTOFF] = cutoff
     for i in range(COLUMN_JETTISON, work.first_free, 2):
         earliest = work.floor[i]
@@ -160,25 +160,25 @@ def _steer(
     reached: Vector,
     unknowns: NDArray[np.float64],
 ) -> tuple[Vector, float]:
-    """Steering that leads to the target near a point, into ``unknowns``.
+    """Write the steering to the target near a point into ``unknowns``.
 
     Args:
         start: record NAVIGATION.
         mission: its target is read.
         burn: times and integrals.
         normal: unit normal of the target plane.
-        reached: m, where the flight is thought to end.
+        reached: estimated end of the flight, m.
         unknowns: lambda_v and lambda_r are written.
 
     Returns:
-        where it ends, m, and |lambda_v| at the middle of the impulse.
+        end of the flight, m, and |lambda_v| at the middle of the impulse.
     """
     r0 = load(start.position)
     v0 = load(start.velocity)
     radius = norm(r0)
     target = mission.target
     omega, cc, cs, ss = burn.omega, burn.cc, burn.cs, burn.ss
-    # |lambda_v| stands for 1 where the impulse has its middle
+    # |lambda_v| is normalised at the middle of the impulse
     middle = math.atan2(cs, cc)
     angle = omega * (burn.end - burn.start)
     cos = math.cos(angle)
@@ -188,7 +188,7 @@ def _steer(
     a = axpy(omega, wanted, scale(-1.0, axpy(omega * cos, r0, scale(sin, v0))))
     b = add(wanted_v, axpy(omega * sin, r0, scale(-cos, v0)))
     determinant = cc * ss - cs * cs
-    # rate at the middle per metre that the wanted position is moved, along that move
+    # change of the rate at the middle per metre of displacement of the wanted position
     move = omega * (
         -math.cos(middle) * (cc * cos + cs * sin) - math.sin(middle) * (ss * sin + cs * cos)
     )
@@ -228,26 +228,26 @@ def guess_two_point(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """A first guess from the state alone.
+    """Guess the unknowns from the state alone.
 
     Under linear gravity the primer is lambda_v = B cos wt + (A/w) sin wt (Eq. 3.34), and the
-    integrals Ic, Is that lead to a wanted end state follow from Eqs. 3.27-3.29. With
-    |lambda_v| = 1 inside them they are linear in A and B. The burn time is then moved until
-    |lambda_v| is 1 at the middle of the impulse, and the downrange until the rate there is
-    at right angles to it: a rate along the thrust gains nothing. With a free node the end
-    point is moved across the plane until there is no rate across it either.
+    integrals Ic, Is that lead to a wanted end state follow from Eqs. 3.27-3.29. They are linear in
+    A and B if |lambda_v| = 1 inside them. The burn time is then adjusted until |lambda_v| is 1 at
+    the middle of the impulse, and the downrange until the rate there is normal to the primer: a
+    rate along the thrust gains nothing. With a free node the end point is moved across the plane
+    until the rate has no component along its normal.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
-        own: which guess.
-        unknowns: shape (at least n,), written, but for the ends of free arcs: they are read.
-            Held burns are left without a direction.
+        own: parameters of the guess.
+        unknowns: shape (at least n,), written except for the ends of free arcs, which are read.
+            Directions of held burns are set to 0.
         work: record WORK.
 
     Returns:
-        False if the sequence makes no flight.
+        False if the sequence has no possible timetable.
     """
     prepare(start, mission, options, work)
     for i in range(work.first_held, unknown_count(start, mission, options)):
@@ -260,7 +260,7 @@ def guess_two_point(
     r0 = load(start.position)
     v0 = load(start.velocity)
     h0 = cross(r0, v0)
-    # of the two planes through a point the one that this angular momentum is nearer to
+    # choose between two planes through a point: the one closer to this angular momentum
     towards = scale(own.branch if two_planes(target) else 1.0, h0)
     radius = norm(r0)
     normal, _ = plane_normal(target, r0, towards)
@@ -268,7 +268,7 @@ def guess_two_point(
     mean = 0.5 * (radius + min(norm(wanted), 1.5 * radius))
     omega = math.sqrt(mu / (mean * mean * mean))
     cutoff, least = _first_cutoff(start, mission, norm(sub(wanted_v, v0)), work)
-    # half the way round that the mean speed makes
+    # half of the downrange angle at the mean speed
     way = min(1.5, 0.5 * (norm(v0) + norm(wanted_v)) * (cutoff - start.time) / radius)
     ahead = unit(cross(h0, r0))
     reached = add(scale(math.cos(way), r0), scale(radius * math.sin(way), ahead))
@@ -282,7 +282,7 @@ def guess_two_point(
         burn = _Burn(start.time, omega, last.end, total, cc, cs, ss)
         normal, _ = plane_normal(target, reached, towards)
         reached, size = _steer(start, mission, burn, normal, reached, unknowns)
-        # rocket equation on the last burn
+        # adjust the cut-off by the rocket equation of the last burn
         gain = (min(max(size, 0.5), 2.0) - 1.0) * total
         final = mission.arcs[mission.arcs.shape[0] - 1]
         mass = segment_mass(last, last.end)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Newton's method for the two-point problem, with backtracking."""
+"""Solve the two-point problem by Newton's method with backtracking."""
 
 import math
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from ares_optimizer.two_point.arrays import (
     DRY,
     NOT_HELD,
 )
-from ares_optimizer.two_point.kernels.free_arcs import find_switches, longest_burn, room
+from ares_optimizer.two_point.kernels.free_arcs import find_switches, length_margins, longest_burn
 from ares_optimizer.two_point.kernels.shooting import (
     aim_held_burns,
     free_column,
@@ -44,40 +44,40 @@ ITERATION_LIMIT = 1
 STALLED = 2
 SINGULAR = 3
 BAD_TIMETABLE = 4
-#: A heating jettison ran into its earliest time: the limit may be met from there on.
+#: A heating jettison reached its earliest time: its limit may be inactive.
 AT_FLOOR = 5
-#: Converged, but to something that no vehicle should fly.
+#: Converged to a root that is no acceptable flight.
 UNSOUND = 6
-#: The time or the work that the search may take has ended.
+#: Stopped by the caller, or out of steps.
 STOPPED = 7
-#: A free arc ran into a bound of its length.
+#: A free arc reached a bound of its length.
 AT_BOUND = 8
-#: Within an iteration: go on.
+#: Not finished: continue to iterate.
 NOT_YET = -1
 
 _SMALLEST_FRACTION = 1e-3
-_ROUNDING = 1e-13  # of the residuals: under a micrometre; near cut-off no step can mend it
-_CLOSE = 0.1  # scaled step within which a trial goes without a Jacobian
-_CONTRACTION = 0.1  # of simplified corrections, to go on with the same factors
+_ROUNDING = 1e-13  # of the residuals, less than a micrometre: near cut-off no step reduces them
+_CLOSE = 0.1  # scaled step below which a trial is made without a Jacobian
+_CONTRACTION = 0.1  # of simplified corrections, to keep the factors
 _NEAR_FLOOR = 1.0  # s
-_INSIDE = 0.5  # s, of a guessed drop to its bounds at most: so near it can run into its floor
+_INSIDE = 0.5  # s, largest margin of a guessed drop to its bounds; less than _NEAR_FLOOR
 _FAR = 1e7  # s, a cut-off beyond every event
 _NEAR_BOUND = 0.02  # of the span between the bounds of an arc
-_LONGEST_SPAN = 100.0  # s, of an arc without a longest length, in that sense
+_LONGEST_SPAN = 100.0  # s, largest span for _NEAR_BOUND
 
 
 @kernel
 def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
-    """Earliest time of every unknown time, and the latest cut-off, into ``work``.
+    """Write the earliest time of every unknown time, and the latest cut-off, into ``work``.
 
-    Free arcs end as ``work.arc_ends`` says.
+    Ends of free arcs are those of ``work.arc_ends``.
 
     Returns:
-        False if the sequence makes no flight, or none of at most LONGEST_FLIGHT.
+        False if there is no timetable, or none of at most LONGEST_FLIGHT.
     """
     arcs = mission.arcs
     jettisons = mission.jettisons
-    # not the nested arrays themselves: numba would compile the timetable once more for them
+    # slices, not nested arrays: numba would compile the timetable again for those
     times = Times(HEATING_IGNORED, work.heating_times[:], work.arc_ends[:], _FAR)
     count = fill_timetable(start, arcs, jettisons, times, work.segments[:], work.layout)
     if count == 0:
@@ -101,7 +101,7 @@ def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
     while work.segments[count - 1].after_cutoff == 1:
         count -= 1
     final = work.segments[count - 1]
-    # 2 % of the mass is left: beyond that nothing flies
+    # 2 % of the mass is left: later cut-offs are not tried
     latest = start.time + LONGEST_FLIGHT
     work.ceiling = min(final.start + 0.98 * final.mass / final.flow, latest)
     return work.floor[COLUMN_CUTOFF] < work.ceiling
@@ -109,7 +109,7 @@ def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
 
 @kernel
 def prepare(start: Record, mission: MissionRecords, options: Record, work: Record) -> None:
-    """Units of the unknowns; step counts start anew."""
+    """Set the scales of the unknowns and reset the step counts."""
     n = unknown_count(start, mission, options)
     work.first_free = free_column(start, mission.jettisons, options)
     work.first_held = held_column(start, mission, options)
@@ -129,7 +129,7 @@ def prepare(start: Record, mission: MissionRecords, options: Record, work: Recor
 
 @kernel
 def scaled_length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> float:
-    """Norm of a step in scaled unknowns."""
+    """Return the norm of a step in scaled unknowns."""
     total = 0.0
     for i in range(n):
         total += (x[i] / unit[i]) ** 2
@@ -138,7 +138,7 @@ def scaled_length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> 
 
 @kernel
 def _begin_moves(k: int, step: NDArray[np.float64], work: Record) -> float:
-    """By how much a step moves the begin of arc ``k``, s."""
+    """Return the change of the begin of arc ``k`` with a step, s."""
     total = 0.0
     for c in range(work.layout.moves):
         total += work.layout.begins[k].time_by[c] * step[COLUMN_CUTOFF + c]
@@ -149,11 +149,11 @@ def _begin_moves(k: int, step: NDArray[np.float64], work: Record) -> float:
 def _limit_free_arcs(
     limit: float, mission: MissionRecords, x: NDArray[np.float64], count: int, work: Record
 ) -> float:
-    """The largest fraction of the step that leaves free arcs their lengths."""
+    """Return the largest fraction of the step that keeps free arcs in their bounds."""
     for f in range(count):
         if work.switches[f].hold != NOT_HELD:
             continue
-        shorter, longer = room(f, mission.arcs, x, work)
+        shorter, longer = length_margins(f, mission.arcs, x, work)
         move = work.step[work.first_free + f] - _begin_moves(work.switches[f].arc, work.step, work)
         if shorter + limit * move < 0.2 * shorter:
             limit = -0.8 * shorter / move
@@ -164,10 +164,10 @@ def _limit_free_arcs(
 
 @kernel
 def _step_limit(n: int, mission: MissionRecords, x: NDArray[np.float64], work: Record) -> float:
-    """Largest fraction of the Newton step that keeps the flight a flight."""
+    """Return the largest fraction of the Newton step that keeps the times possible."""
     step = work.step
     limit = 1.0
-    # no more than about 30 deg, 1e-3 1/s, 100 s at once
+    # at most about 30 deg, 1e-3 1/s, 100 s per step
     for i in range(n):
         size = abs(step[i]) / work.unit[i]
         bound = 1.0
@@ -206,13 +206,13 @@ def _step_limit(n: int, mission: MissionRecords, x: NDArray[np.float64], work: R
 
 @kernel
 def _move_inside(start: Record, unknowns: NDArray[np.float64], work: Record) -> None:
-    """Move a guess to possible times; units of a short flight."""
+    """Move a guess to possible times and adapt the scales to a short flight."""
     floor = work.floor[COLUMN_CUTOFF]
     unknowns[COLUMN_CUTOFF] = min(
         max(unknowns[COLUMN_CUTOFF], floor + 1e-6 * (work.ceiling - floor)),
         work.ceiling - 0.01 * (work.ceiling - floor),
     )
-    # in a short flight times are shorter and rates greater
+    # scales of a short flight: times are shorter and rates greater
     part = min(1.0, (unknowns[COLUMN_CUTOFF] - start.time) / work.unit[COLUMN_CUTOFF])
     work.unit[COLUMN_CUTOFF] *= part
     for i in range(3, 6):
@@ -222,7 +222,7 @@ def _move_inside(start: Record, unknowns: NDArray[np.float64], work: Record) -> 
             unknowns[i] = work.floor[i] + AT_ONCE
             continue
         span = unknowns[COLUMN_CUTOFF] - work.floor[i]
-        # after a long coast a hundredth is a long time
+        # 1 % of a long coast would be too large a margin
         inside = min(0.01 * span, _INSIDE)
         unknowns[i] = min(
             max(unknowns[i], work.floor[i] + inside), unknowns[COLUMN_CUTOFF] - inside
@@ -239,7 +239,7 @@ def _residual_norm(n: int, work: Record) -> float:
 
 @kernel
 def _newton_step(n: int, work: Record) -> float:
-    """Newton's step from residuals and Jacobian; its scaled length, nan if there is none."""
+    """Compute Newton's step; return its scaled length, nan where the Jacobian is singular."""
     for i in range(n):
         work.step[i] = -work.residual[i]
         for j in range(n):
@@ -252,7 +252,7 @@ def _newton_step(n: int, work: Record) -> float:
 
 @kernel
 def _correction(n: int, work: Record) -> float:
-    """Simplified Newton correction, with the last factors; its scaled length."""
+    """Compute the simplified Newton correction, same factors; return its scaled length."""
     for i in range(n):
         work.correction[i] = -work.residual[i]
     back_substitute(n, work.factors, work.pivots, work.correction)
@@ -261,7 +261,7 @@ def _correction(n: int, work: Record) -> float:
 
 @kernel
 def _runs_into_floor(unknowns: NDArray[np.float64], work: Record) -> bool:
-    """Whether the step takes a drop before its earliest time; ``work.stuck`` says which."""
+    """Detect a step of a drop to before its earliest time; set ``work.stuck``."""
     for i in range(COLUMN_JETTISON, work.first_free, 2):
         index = (i - COLUMN_JETTISON) // 2
         near = unknowns[i] < work.floor[i] + _NEAR_FLOOR
@@ -275,12 +275,12 @@ def _runs_into_floor(unknowns: NDArray[np.float64], work: Record) -> bool:
 def _runs_into_bound(
     start: Record, mission: MissionRecords, unknowns: NDArray[np.float64], work: Record
 ) -> bool:
-    """Whether the step takes a free arc beyond a bound; ``work.stuck_arc`` says which."""
+    """Detect a step of a free arc beyond a bound; set ``stuck_arc``, ``stuck_hold``."""
     for f in range(free_count(start, mission.arcs)):
         switch = work.switches[f]
         if switch.hold != NOT_HELD:
             continue
-        shorter, longer = room(f, mission.arcs, unknowns, work)
+        shorter, longer = length_margins(f, mission.arcs, unknowns, work)
         near = _NEAR_BOUND * min(shorter + longer, _LONGEST_SPAN)
         move = work.step[work.first_free + f] - _begin_moves(switch.arc, work.step, work)
         work.stuck_arc = f
@@ -297,13 +297,13 @@ def _runs_into_bound(
     return False
 
 
-class _Taken(NamedTuple):
-    """A step as it was taken.
+class _LineSearch(NamedTuple):
+    """Hold the outcome of the line search.
 
     Attributes:
-        fraction: of Newton's step; 0: none brings the flight nearer.
-        with_jacobian: whether the last trial has one.
-        shorter: scaled length of the simplified correction that follows.
+        fraction: of Newton's step; 0: no acceptable step.
+        with_jacobian: true if the Jacobian of the last trial is computed.
+        shorter: scaled length of the simplified correction at the last trial.
     """
 
     fraction: float
@@ -319,13 +319,13 @@ def _search_along_step(
     unknowns: NDArray[np.float64],
     length: float,
     work: Record,
-) -> _Taken:
-    """Halve the step until the next simplified correction is shorter; ``unknowns`` move."""
+) -> _LineSearch:
+    """Halve the step until the next simplified correction is shorter; apply it."""
     n = unknown_count(start, mission, options)
-    # far away the first trial is nearly always taken and its Jacobian wanted; close by the old
-    # one will do
+    # far from the root the first trial is nearly always accepted and needs its Jacobian; close to
+    # the root the old one suffices
     with_jacobian = length > _CLOSE
-    # not the nested array itself: numba would compile the flight once more for it
+    # a slice, not the nested array: numba would compile the flight again for that
     trial = work.trial[:]
     fraction = _step_limit(n, mission, unknowns, work)
     while True:
@@ -341,10 +341,10 @@ def _search_along_step(
         with_jacobian = False
         fraction *= 0.5
         if not fraction >= _SMALLEST_FRACTION:
-            return _Taken(0.0, False, shorter)
+            return _LineSearch(0.0, False, shorter)
     for i in range(n):
         unknowns[i] = trial[i]
-    return _Taken(fraction, with_jacobian, shorter)
+    return _LineSearch(fraction, with_jacobian, shorter)
 
 
 @kernel
@@ -356,10 +356,10 @@ def _simplified_newton(
     shorter: float,
     work: Record,
 ) -> int:
-    """Corrections with the same factors as long as they shrink fast: ``unknowns`` move.
+    """Iterate with the same factors while the corrections shrink fast.
 
     Returns:
-        CONVERGED, STALLED where the times make no flight, or NOT_YET.
+        CONVERGED, STALLED where the times are not possible, or NOT_YET.
     """
     n = unknown_count(start, mission, options)
     before = scaled_length(n, work.step, work.unit)
@@ -383,7 +383,7 @@ def _iterate(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> tuple[float, int]:
-    """One iteration of Newton's method; norm of the residuals, and how it ended."""
+    """Perform one iteration of Newton's method; return residual norm and status."""
     n = unknown_count(start, mission, options)
     residual_norm = _residual_norm(n, work)
     length = _newton_step(n, work)
@@ -397,13 +397,13 @@ def _iterate(
         return residual_norm, AT_FLOOR
     if _runs_into_bound(start, mission, unknowns, work):
         return residual_norm, AT_BOUND
-    taken = _search_along_step(start, mission, options, unknowns, length, work)
-    if taken.fraction == 0.0:
+    line_search = _search_along_step(start, mission, options, unknowns, length, work)
+    if line_search.fraction == 0.0:
         return residual_norm, STALLED
-    if taken.with_jacobian:
+    if line_search.with_jacobian:
         return residual_norm, NOT_YET
-    if taken.fraction == 1.0:
-        status = _simplified_newton(start, mission, options, unknowns, taken.shorter, work)
+    if line_search.fraction == 1.0:
+        status = _simplified_newton(start, mission, options, unknowns, line_search.shorter, work)
         if status == CONVERGED:
             return _residual_norm(n, work), CONVERGED
         if status == STALLED:
@@ -421,22 +421,22 @@ def solve_two_point(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> tuple[int, float, int]:
-    """Newton with backtracking from ``unknowns``, which are improved in place.
+    """Solve the two-point problem by Newton's method from ``unknowns``, updated in place.
 
-    A step is taken when the next simplified Newton correction is shorter than the step
-    (Deuflhard, *Newton Methods for Nonlinear Problems*, section 3.3): the test does not
-    depend on how the equations are scaled.
+    A step is accepted if the next simplified Newton correction is shorter than the step
+    (Deuflhard, *Newton Methods for Nonlinear Problems*, section 3.3): the test does not depend on
+    the scaling of the equations.
 
     Args:
         start: record NAVIGATION: time, position, velocity, mass (0: that of the stack), arc,
             arc_start_time, jettisoned.
-        mission: what is flown; its last arc is the burn that the cut-off ends.
+        mission: its last arc is the burn that ends with the cut-off.
         options: record OPTIONS.
-        unknowns: shape (at least n,), see :func:`shoot`; guess in, answer out.
-        work: record WORK; ``pinned`` says which drops are held at their earliest time.
+        unknowns: shape (at least n,), see :func:`shoot`; the guess, overwritten by the root.
+        work: record WORK; ``pinned`` marks the drops fixed at their earliest time.
 
     Returns:
-        iterations, norm of the last residuals, status (CONVERGED or what went wrong).
+        iterations, norm of the last residuals, status.
     """
     n = unknown_count(start, mission, options)
     prepare(start, mission, options, work)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimum from a guess or from nothing: restarts, limits that do not bind, soundness."""
+"""Search the optimum from a guess or from built-in guesses; check that a root is sound."""
 
 import math
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.targets import two_planes
 from ares_models.kernels.vectors import dot, load, norm
-from ares_optimizer.kernels.elements import APSIS, ENERGY, is_asked
+from ares_optimizer.kernels.elements import APSIS, ENERGY, has_row
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
@@ -64,7 +64,7 @@ from ares_optimizer.two_point.kernels.shooting import (
     which_jettison,
 )
 
-#: Own guesses, tried in this order.
+#: Built-in guesses, tried in this order.
 _OWN_STARTS = (
     OwnStart(6, 100.0, 1.0),
     OwnStart(1, 100.0, 1.0),
@@ -74,11 +74,11 @@ _OWN_STARTS = (
     OwnStart(3, 30.0, 1.0),
     OwnStart(1, 60.0, -1.0),
 )
-_ROUNDING = 1e-6  # of pi, where a drop weighs nothing
-_SCAN = 5.0  # s, between looks at the heating
+_ROUNDING = 1e-6  # of pi, for a drop without mass
+_SCAN = 5.0  # s, sampling of the heating
 _MOST_SCANS = 2000
-_BOUND_CHANGES = 4  # of one arc: held at a bound, let go
-_WORTHLESS = 1e-9  # kg/s of propellant
+_BOUND_CHANGES = 4  # most activations and releases of a bound, per arc
+_WORTHLESS = 1e-9  # kg/s of propellant, below which a bound is not released
 _NEARLY_ROUND = 0.02  # eccentricity
 
 
@@ -91,9 +91,9 @@ def fly_to(
     time: float,
     work: Record,
 ) -> None:
-    """Fly the unknowns up to ``time``; ``work.state`` holds the state there.
+    """Fly the unknowns up to ``time``, s; ``work.state`` holds the state at that time.
 
-    No costate jump is made on the way: meant for times before the first heating jettison.
+    No costate jumps are applied: valid before the first heating jettison.
     """
     gravity = begin_flight(start, mission, options, unknowns, work)
     work.columns = 0
@@ -114,7 +114,7 @@ def fly_to(
 
 @kernel
 def _log_heating_now(mission: MissionRecords, work: Record) -> float:
-    """Log of heating at ``work.state``, W/m2."""
+    """Return the log of the heating, W/m2, at ``work.state``."""
     s = work.state
     rate, _, _ = log_heating_gradient(
         (s[0], s[1], s[2]), (s[3], s[4], s[5]), mission.environment, mission.atmosphere
@@ -130,12 +130,12 @@ def final_hamiltonian(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> float:
-    """lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2, u: thrust; nan if not flown.
+    """Return lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2; nan on failure.
 
-    It is what a second of burning is worth; on an optimum it is positive.
+    u is the thrust direction. The value is the gain per second of burn, positive at an optimum.
     """
     shoot(start, mission, options, unknowns, work)
-    # a drop that comes at once has no condition to meet, but it is flown
+    # shoot fails without the condition of a drop that comes at once, but the flight is complete
     if work.segment_count == 0:
         return math.nan
     s = work.state
@@ -154,19 +154,19 @@ def final_hamiltonian(
 
 
 @kernel
-def _turned_well(target: Record, work: Record) -> bool:
-    """Whether a nearly circular orbit has its perigee where it costs least, not most.
+def _perigee_is_cheapest(target: Record, work: Record) -> bool:
+    """Return true if the perigee of a nearly circular target is where it costs least.
 
-    Both are stationary on the ring of orbits of one eccentricity; a rounder orbit would cost more
-    at the one and less at the other.
+    At a fixed small eccentricity two perigees are stationary, the cheapest and the dearest. The
+    sign of the multiplier of the eccentricity tells them apart.
     """
     if target.kind != TARGET_ELEMENTS or not target.eccentricity < _NEARLY_ROUND:
         return True
-    if not is_asked(ENERGY, target) or not is_asked(APSIS, target):
+    if not has_row(ENERGY, target) or not has_row(APSIS, target):
         return True
     row = 0
     for other in range(APSIS):
-        if is_asked(other, target):
+        if has_row(other, target):
             row += 1
     return work.terminal_frame.multipliers[row] > 0.0
 
@@ -179,21 +179,24 @@ def _sound(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """Whether a root is a flight: above ground, burning worth its time, drops worth theirs."""
+    """Return true if a root can be flown and is no false extremum.
+
+    It stays above ground, a longer burn gains, and no heating jettison would gain by waiting.
+    """
     value = final_hamiltonian(start, mission, options, unknowns, work)
     ground = min(mission.environment.polar_radius, norm(load(start.position)))
     if work.planned == 1:
         value = work.price
         ground *= 1.0 - DEEPEST
-    if not value > 0.0 or work.lowest < ground or not _turned_well(mission.target, work):
+    if not value > 0.0 or work.lowest < ground or not _perigee_is_cheapest(mission.target, work):
         return False
     for i in range(work.segment_count):
-        # a drop from a throttled burn changes its flow: the interior condition lacks that
+        # the interior condition lacks the change of flow at a drop from a throttled burn
         if work.segments[i].end_heating >= 0 and work.segments[i].fading > 0.0:
             return False
     if options.heating == HEATING_OPTIMAL:
         for i in range((work.first_free - COLUMN_JETTISON) // 2):
-            # a drop must wait for the limit because it would rather come sooner
+            # at an optimum an earlier drop gains: only the limit makes it wait
             if unknowns[COLUMN_JETTISON + 2 * i + 1] > _ROUNDING:
                 return False
             if work.pinned[i] == 1 and work.waiting_pays[i] == 1:
@@ -203,13 +206,13 @@ def _sound(
 
 @kernel
 def _column_of(start: Record, mission: MissionRecords, jettison: int) -> int:
-    """Column of the time of a heating jettison."""
+    """Return the column of the time of a heating jettison."""
     return COLUMN_JETTISON + 2 * heating_index(start, mission.jettisons, jettison)
 
 
 @kernel
-def _take_out(n: int, index: int, unknowns: NDArray[np.float64], work: Record) -> None:
-    """Close the gap that a heating unknown leaves."""
+def _remove_unknown(n: int, index: int, unknowns: NDArray[np.float64], work: Record) -> None:
+    """Remove a heating unknown from the unknowns."""
     for i in range(COLUMN_JETTISON + 2 * index, n - 2):
         unknowns[i] = unknowns[i + 2]
     for i in range(index, MAX_JETTISONS - 1):
@@ -217,8 +220,10 @@ def _take_out(n: int, index: int, unknowns: NDArray[np.float64], work: Record) -
 
 
 @kernel
-def _put_in(n: int, index: int, time: float, unknowns: NDArray[np.float64], work: Record) -> None:
-    """Make room for a heating unknown, not held; ``n`` counts the unknowns without it."""
+def _insert_unknown(
+    n: int, index: int, time: float, unknowns: NDArray[np.float64], work: Record
+) -> None:
+    """Insert a heating unknown, not pinned; ``n`` is the count without it."""
     column = COLUMN_JETTISON + 2 * index
     for i in range(n - 1, column - 1, -1):
         unknowns[i + 2] = unknowns[i]
@@ -231,7 +236,7 @@ def _put_in(n: int, index: int, time: float, unknowns: NDArray[np.float64], work
 
 @inlined
 def as_flown(mission: MissionRecords, work: Record) -> MissionRecords:
-    """The mission with its jettisons as ``work`` has them: limits that do not bind are times."""
+    """Return the mission with the jettisons of ``work``: inactive limits are times."""
     return MissionRecords(
         mission.environment,
         mission.atmosphere,
@@ -249,7 +254,7 @@ def _hold_passed_limit(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """Whether a limit that was left out is passed at its drop, which is then held there."""
+    """Pin a drop whose removed limit is exceeded; return true if there is one."""
     flown = as_flown(mission, work)
     for j in range(mission.jettisons.shape[0]):
         limit = mission.jettisons[j]
@@ -262,15 +267,15 @@ def _hold_passed_limit(
             n = unknown_count(start, flown, options)
             work.jettisons[j] = limit
             index = heating_index(start, flown.jettisons, j)
-            _put_in(n, index, earliest + AT_ONCE, unknowns, work)
+            _insert_unknown(n, index, earliest + AT_ONCE, unknowns, work)
             work.pinned[index] = 1
             return True
     return False
 
 
 @kernel
-def _let_go(start: Record, mission: MissionRecords, work: Record) -> bool:
-    """Whether a free arc is held at a bound that it would rather leave; it is let go."""
+def _release_bounds(start: Record, mission: MissionRecords, work: Record) -> bool:
+    """Release free arcs from bounds that cost propellant; return true if there are any."""
     found = False
     for f in range(free_count(start, mission.arcs)):
         switch = work.switches[f]
@@ -291,11 +296,12 @@ def _solve_with_floors(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> tuple[int, float, int]:
-    """Newton, and what to do when a limit is met as soon as its drop is possible.
+    """Solve by Newton's method with an active set of drops and arc bounds.
 
-    The drop is then made at once, without the limit; if the limit turns out to be passed
-    there, it is kept with the drop held at its earliest time. A free arc that runs into a bound
-    of its length is held there, as long as it would rather go on.
+    A drop that reaches its earliest time is made at that time, without its limit. If the heating
+    then exceeds the limit, the limit returns and the drop is pinned at its earliest time. A free
+    arc that reaches a bound of its length is held there while the switching function points
+    outwards.
     """
     count = mission.jettisons.shape[0]
     flown = as_flown(mission, work)
@@ -309,7 +315,7 @@ def _solve_with_floors(
         if status == AT_FLOOR:
             n = unknown_count(start, flown, options)
             j = which_jettison(start, flown, work.stuck)
-            _take_out(n, work.stuck, unknowns, work)
+            _remove_unknown(n, work.stuck, unknowns, work)
             work.jettisons[j].criterion = TIME_AFTER_IGNITION
             work.jettisons[j].value = 0.0
             continue
@@ -318,7 +324,7 @@ def _solve_with_floors(
             continue
         if status != CONVERGED:
             return total, residual, status
-        if _let_go(start, mission, work):
+        if _release_bounds(start, mission, work):
             status = STALLED
             continue
         if not _hold_passed_limit(start, mission, options, unknowns, work):
@@ -335,7 +341,7 @@ def _solve_with_floors(
             earliest = work.floor[_column_of(start, mission, j)]
             work.jettisons[j].criterion = HEATING_LIMIT
             index = heating_index(start, flown.jettisons, j)
-            _put_in(n, index, earliest, unknowns, work)
+            _insert_unknown(n, index, earliest, unknowns, work)
     return total, residual, CONVERGED
 
 
@@ -349,7 +355,7 @@ def _crossing(
     limit: float,
     work: Record,
 ) -> float:
-    """First time at which heating is at or below ``limit``; inf if not before cut-off."""
+    """Return the first time, s, with heating at or below ``limit``; inf: not before cut-off."""
     time = earliest
     before = 0.0
     goal = math.log(limit)
@@ -369,7 +375,7 @@ def _crossing(
 
 @kernel
 def _reset(jettisons: NDArray[Any], work: Record) -> None:
-    """Jettisons as the mission has them, none held."""
+    """Reset the jettisons to those of the mission, none pinned."""
     for j in range(jettisons.shape[0]):
         work.jettisons[j] = jettisons[j]
     for i in range(MAX_JETTISONS):
@@ -377,8 +383,8 @@ def _reset(jettisons: NDArray[Any], work: Record) -> None:
 
 
 @kernel
-def _release(work: Record) -> None:
-    """Let free arcs go that the search before held at a bound."""
+def _release_all(work: Record) -> None:
+    """Release free arcs that an earlier search held at a bound."""
     for f in range(MAX_FREE + 1):
         if work.switches[f].hold != HELD:
             work.switches[f].hold = NOT_HELD
@@ -393,7 +399,7 @@ def _solve_timed_first(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> tuple[int, float, int]:
-    """Solve with the drops at fixed times; where that flight meets the limits is the guess."""
+    """Solve with drops at fixed times first; its limit crossings are the guess."""
     flown = as_flown(mission, work)
     find_floors(start, mission, work)
     for j in range(mission.jettisons.shape[0]):
@@ -407,7 +413,7 @@ def _solve_timed_first(
         return total, residual, status
     find_floors(start, mission, work)
     count = 0
-    # not among the unknowns yet: the flight knows nothing of these times
+    # kept apart from the unknowns: the flight has no heating unknowns yet
     times = work.correction[:]
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, start.jettisoned, j):
@@ -418,20 +424,20 @@ def _solve_timed_first(
             count += 1
     n = unknown_count(start, flown, options)
     for i in range(count):
-        _put_in(n + 2 * i, i, times[i], unknowns, work)
+        _insert_unknown(n + 2 * i, i, times[i], unknowns, work)
     _reset(mission.jettisons, work)
     iterations, residual, status = _solve_with_floors(start, mission, options, unknowns, work)
     return total + iterations, residual, status
 
 
-class _Sought(NamedTuple):
-    """What the search has come to.
+class _SearchResult(NamedTuple):
+    """Hold the outcome of a search.
 
     Attributes:
-        iterations: so far.
-        residual: norm of the best start's residuals.
+        iterations: total.
+        residual: norm of the residuals of the best start.
         status: of the best start.
-        starts: tried.
+        starts: number of starts tried.
     """
 
     iterations: int
@@ -448,8 +454,11 @@ def _search_from_guesses(
     effort: Effort,
     unknowns: NDArray[np.float64],
     work: Record,
-) -> _Sought:
-    """The best root from the guess and from own guesses in turn; see :func:`find_optimum`."""
+) -> _SearchResult:
+    """Search from the guess and from the built-in guesses in turn.
+
+    Arguments: see :func:`find_optimum`. The best root is left in ``unknowns``.
+    """
     best = unknowns.copy()
     best_residual = math.inf
     best_status = STALLED
@@ -457,7 +466,7 @@ def _search_from_guesses(
     starts = 0
     last = len(_OWN_STARTS) if effort.restart or not effort.guessed else 0
     if effort.first // len(_OWN_STARTS) % 2 == 1:
-        # these have been tried: on with the drops at fixed times
+        # all of these failed before: continue with the drops at fixed times
         last = 0
     one_plane = not two_planes(mission.target)
     solved_near = False
@@ -473,7 +482,7 @@ def _search_from_guesses(
             continue
         _reset(mission.jettisons, work)
         if attempt >= 0:
-            _release(work)
+            _release_all(work)
         starts += 1
         if attempt >= 0 and not guess_two_point(start, mission, options, own, unknowns, work):
             continue
@@ -481,7 +490,7 @@ def _search_from_guesses(
         total += iterations
         if status == CONVERGED:
             if not effort.thorough:
-                return _Sought(total, residual, status, starts)
+                return _SearchResult(total, residual, status, starts)
             if attempt >= 0:
                 solved_near = solved_near or near or one_plane
                 solved_far = solved_far or not near or one_plane
@@ -493,7 +502,7 @@ def _search_from_guesses(
             best_status = status
             best[:] = unknowns
     unknowns[:] = best
-    return _Sought(total, best_residual, best_status, starts)
+    return _SearchResult(total, best_residual, best_status, starts)
 
 
 @allocating
@@ -505,29 +514,29 @@ def find_optimum(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> tuple[int, float, int, int]:
-    """The optimum, from the guess in ``unknowns`` if there is one, else from nothing.
+    """Find the optimum, from the guess in ``unknowns`` or from the start alone.
 
-    Own guesses are tried in turn. When none leads there, the flight with its drops at fixed
-    times is solved first, and the time at which it meets the limit is the next guess.
+    The built-in guesses are tried in turn. When all fail, the flight with its drops at fixed times
+    is solved first, and the time at which it reaches the limit is the next guess.
 
     Args:
         start: record NAVIGATION, see :func:`newton.solve_two_point`.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
-        effort: how far to go.
-        unknowns: shape (MAX_UNKNOWNS,), see :func:`shooting.shoot`. A limit that is met
-            from the earliest possible drop on comes back with that time and pi = 0.
+        effort: extent of the search.
+        unknowns: shape (MAX_UNKNOWNS,), see :func:`shooting.shoot`, updated. A limit that is
+            inactive at the earliest possible drop returns with that time and pi = 0.
         work: record WORK.
 
     Returns:
-        iterations, norm of the residuals, status (newton.CONVERGED or why not), number of
-        starts after the first. A failure leaves the start that came nearest in ``unknowns``.
+        iterations, norm of the residuals, status (see ``newton``), number of starts after the
+        first. After a failure ``unknowns`` holds the start with the smallest residuals.
     """
     work.spent = 0
-    sought = _search_from_guesses(start, mission, options, effort, unknowns, work)
-    total = sought.iterations
-    status = sought.status
-    starts = sought.starts
+    result = _search_from_guesses(start, mission, options, effort, unknowns, work)
+    total = result.iterations
+    status = result.status
+    starts = result.starts
     last = len(_OWN_STARTS) if effort.restart or not effort.guessed else 0
     if status == CONVERGED or heating_count(start, mission.jettisons, options.heating) == 0:
         last = 0
@@ -538,7 +547,7 @@ def find_optimum(
             break
         _reset(mission.jettisons, work)
         if attempt >= 0:
-            _release(work)
+            _release_all(work)
         starts += 1
         own = _OWN_STARTS[(effort.first + attempt) % len(_OWN_STARTS)]
         iterations, residual, ended = _solve_timed_first(
@@ -547,6 +556,6 @@ def find_optimum(
         total += iterations
         if ended == CONVERGED:
             return total, residual, ended, starts - 1
-    # the nearest miss
+    # the start with the smallest residuals
     unknowns[:] = best
-    return total, sought.residual, status, starts - 1
+    return total, result.residual, status, starts - 1

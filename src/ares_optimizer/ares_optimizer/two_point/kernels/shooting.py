@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The optimum as a root: shooting and its Jacobian.
+"""Solve for the optimum as a root: shooting function and its Jacobian.
 
-Unknowns: lambda_v and lambda_r at the start, the cut-off time, and for every heating
-jettison still to come its time and pi, then the ends of free arcs before the last and
-the directions of held burns. Equations: |lambda_v| = 1 at the start (the scale is free; printed:
-H_f = 1, Eq. 3.30), the terminal set with its reduced transversality conditions, per heating
-jettison log heating = log limit and a continuous Hamiltonian, and the conditions of
-``free_arcs`` and of ``held_burns``.
+Unknowns: lambda_v and lambda_r at the start, the cut-off time, time and pi of every heating
+jettison still to come, the ends of free arcs before the last, the directions of held burns.
+Equations: |lambda_v| = 1 at the start (the scale is free; printed: H_f = 1, Eq. 3.30), the terminal
+set with its reduced transversality conditions, log heating = log limit and a continuous
+Hamiltonian per heating jettison, and the conditions of ``free_arcs`` and ``held_burns``.
 """
 
 import math
@@ -46,13 +45,13 @@ from ares_optimizer.two_point.kernels.costates import (
     log_heating_hessian_product,
     thrust_acceleration_tangents,
 )
-from ares_optimizer.two_point.kernels.free_arcs import find_switches, note_segment, switch_rows
+from ares_optimizer.two_point.kernels.free_arcs import find_switches, store_segment, switch_rows
 from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.held_burns import (
     aim_rows,
     along_by_direction,
     along_thrust,
-    clear_pull_tangents,
+    clear_impulse_tangents,
     direction_column,
     load_aims,
 )
@@ -60,16 +59,16 @@ from ares_optimizer.two_point.kernels.terminal import end_rows
 
 
 class _Drop(NamedTuple):
-    """A heating jettison, as the interior condition meets it.
+    """Hold the quantities of the interior condition at a heating jettison.
 
     Attributes:
-        row: of its two residuals, the first: its limit.
-        weight: its pi where the steering knows of it, else 0.
-        passive: the steering does not know of it.
-        pinned: it is held at its earliest time.
+        row: first of its two residuals, that of the limit.
+        weight: pi, or 0 if ``passive``.
+        passive: true if the costates do not jump.
+        pinned: true if the drop is fixed at its earliest time.
         before, after: T/m on both sides, m/s2.
         by_r, by_v: gradient of log heating, 1/m and s/m.
-        gravity: acceleration there, m/s2.
+        gravity: gravity at the drop, m/s2.
     """
 
     row: int
@@ -84,10 +83,13 @@ class _Drop(NamedTuple):
 
 
 @kernel
-def _meet_drop(
+def _interior_residuals(
     i: int, limit: float, pi: float, mission: MissionRecords, gravity: Gravity, work: Record
 ) -> _Drop:
-    """Residuals of the interior condition at the end of segment ``i``; see _jettison_rows."""
+    """Write the residuals of the interior condition at the end of segment ``i``.
+
+    Equations and arguments: see :func:`_jettison_rows`.
+    """
     state = work.state
     segment = work.segments[i]
     index = segment.end_heating
@@ -111,13 +113,13 @@ def _meet_drop(
     work.residual[row] = rate - math.log(limit)
     size_before, _ = along_thrust(segment, p, work)
     size_after, _ = along_thrust(work.segments[i + 1], axpy(-weight, by_v, p), work)
-    # H(-) - H(+): what a second of waiting is worth
+    # H(-) - H(+): gain by a later drop, per second
     worth = before * size_before - after * size_after + weight * drift
     work.waiting_pays[index] = 1 if worth > 0.0 else 0
     if passive:
         work.residual[row + 1] = pi
     elif pinned:
-        # no choice of time, no condition on the Hamiltonian
+        # the time is fixed: no condition on the Hamiltonian
         work.residual[row + 1] = (segment.end - work.floor[row] - AT_ONCE) / 100.0
     else:
         work.residual[row + 1] = size * worth
@@ -128,15 +130,15 @@ def _meet_drop(
 def _drop_column(
     c: int, i: int, drop: _Drop, mission: MissionRecords, gravity: Gravity, work: Record
 ) -> None:
-    """Column ``c`` of the Jacobian's rows of a drop that the steering knows of; its jump.
+    """Write column ``c`` of the Jacobian rows of a drop and the jump of its tangents.
 
     Args:
         c: column.
-        i: segment that the drop ends.
-        drop: the drop.
+        i: segment that ends with the drop.
+        drop: a drop that is not passive.
         mission: environment and atmosphere are read.
         gravity: the field.
-        work: record WORK; the column's tangents come out after the jump.
+        work: record WORK; the tangents of the column are advanced over the jump.
     """
     state = work.state
     tangent = work.tangent
@@ -179,7 +181,7 @@ def _drop_column(
             - drop.after * (dot(u_after, dp_after) + turned_after)
             + change
         )
-        # the scale follows the acceleration
+        # derivative of the scale 1 / after
         work.jacobian[row + 1, c] -= work.residual[row + 1] * size * work.thrust_after[c]
     for n in range(3):
         tangent[c, 6 + n] = dp_after[n]
@@ -190,23 +192,23 @@ def _drop_column(
 def _jettison_rows(
     i: int, limit: float, pi: float, mission: MissionRecords, gravity: Gravity, work: Record
 ) -> None:
-    """Interior condition at a heating jettison: residuals, Jacobian rows, costate jump.
+    """Apply the interior condition at a heating jettison: residuals, Jacobian, jump.
 
     lambda_r(-) = lambda_r(+) + pi N_r and lambda_v(-) = lambda_v(+) + pi N_v with N the
-    logarithm of heating, and H(-) = H(+) across the mass drop (printed in 3.44-3.51:
-    without N_v). As a mass costate does not jump, it cancels.
+    logarithm of heating, and H(-) = H(+) across the mass drop (printed in 3.44-3.51: without
+    N_v). The mass costate is continuous and cancels.
 
     Args:
-        i: segment that the drop ends.
+        i: segment that ends with the drop.
         limit: W/m2.
         pi: per unit of log heating.
         mission: environment and atmosphere are read.
         gravity: the field.
-        work: record WORK; ``state`` and ``tangent`` come out after the jump.
+        work: record WORK; ``state`` and ``tangent`` are advanced over the jump.
     """
     state = work.state
     tangent = work.tangent
-    drop = _meet_drop(i, limit, pi, mission, gravity, work)
+    drop = _interior_residuals(i, limit, pi, mission, gravity, work)
     row = drop.row
     for c in range(work.columns):
         dr = (tangent[c, 0], tangent[c, 1], tangent[c, 2])
@@ -220,34 +222,34 @@ def _jettison_rows(
         state[9 + n] += drop.weight * drop.by_r[n]
 
 
-#: Steps of a burn that one step of a coast stands for.
+#: Ratio of the longest step in a coast to that in a burn.
 _COAST_STEPS = 4.0
 
 
 @kernel
 def free_column(start: Record, jettisons: NDArray[Any], options: Record) -> int:
-    """Column of the first free end, after those of the heating jettisons still to come."""
+    """Return the column of the first free end, after those of the heating jettisons."""
     return COLUMN_JETTISON + 2 * heating_count(start, jettisons, options.heating)
 
 
 @kernel
 def held_column(start: Record, mission: MissionRecords, options: Record) -> int:
-    """Column of the first direction of a held burn, after those of the free ends."""
+    """Return the column of the first direction of a held burn, after those of free ends."""
     return free_column(start, mission.jettisons, options) + free_count(start, mission.arcs)
 
 
 @kernel
 def unknown_count(start: Record, mission: MissionRecords, options: Record) -> int:
-    """Number of unknowns: 7, 2 per heating jettison, 1 per free arc but the last, 3 per held burn.
+    """Return the number of unknowns.
 
-    All of what is still to come.
+    7, and from the start on 2 per heating jettison, 1 per free arc but the last, 3 per held burn.
     """
     return held_column(start, mission, options) + 3 * held_count(start, mission.arcs)
 
 
 @kernel
 def which_jettison(start: Record, mission: MissionRecords, index: int) -> int:
-    """Jettison that the heating unknown ``index`` belongs to."""
+    """Return the jettison of heating unknown ``index``; -1: none."""
     unknown = 0
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, start.jettisoned, j):
@@ -259,7 +261,7 @@ def which_jettison(start: Record, mission: MissionRecords, index: int) -> int:
 
 @kernel
 def search_is_over(options: Record, work: Record) -> bool:
-    """Whether the time or the work that a search may take has ended."""
+    """Return true if the search was stopped or has used up its steps."""
     return work.stop != 0 or 0 < options.max_steps <= work.spent
 
 
@@ -271,7 +273,7 @@ def load_times(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> None:
-    """Unknown times of jettisons and free arcs into ``work``."""
+    """Copy the unknown times of jettisons and free arcs into ``work``."""
     first = free_column(start, mission.jettisons, options)
     for i in range((first - COLUMN_JETTISON) // 2):
         work.heating_times[i] = unknowns[COLUMN_JETTISON + 2 * i]
@@ -287,14 +289,14 @@ def begin_flight(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> Gravity:
-    """Segments, state and costates at the start into ``work``; the field of the flight.
+    """Set up segments, state and costates at the start in ``work``; return the field.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         unknowns: see :func:`shoot`.
-        work: record WORK; ``segment_count`` is 0 where the times make no flight.
+        work: record WORK; ``segment_count`` is 0 where the times are not possible.
     """
     load_times(start, mission, options, unknowns, work)
     work.first_held = held_column(start, mission, options)
@@ -316,7 +318,7 @@ def begin_flight(
     mu = mission.environment.mu
     omega_square = 0.0
     if options.gravity == LINEAR:
-        # omega0 of the radius at the start (Eq. 3.4; printed without the root)
+        # omega0 at the radius of the start (Eq. 3.4; printed without the root)
         omega_square = mu / (square * work.lowest)
     field = field_of(mission.environment)
     return Gravity(mu, omega_square, options.gravity, field.oblateness)
@@ -324,7 +326,7 @@ def begin_flight(
 
 @kernel
 def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
-    """One of the equal parts of a segment, no end of which moves, into ``part``."""
+    """Copy one of the equal parts of a segment into ``part``, with fixed ends."""
     length = segment.end - segment.start
     s = length * k / parts
     part.start = segment.start + s
@@ -341,7 +343,10 @@ def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
 
 @kernel
 def step_count(segment: Record, longest: float) -> int:
-    """Number of equal steps in a segment, none longer than ``longest`` s; in a coast fewer do."""
+    """Return the number of equal steps in a segment, none longer than ``longest`` s.
+
+    In a coast, _COAST_STEPS times that.
+    """
     if segment.thrust == 0.0 and segment.thrust_slope == 0.0:
         longest *= _COAST_STEPS
     return max(1, int(math.ceil((segment.end - segment.start) / longest - 1e-9)))
@@ -351,7 +356,7 @@ def step_count(segment: Record, longest: float) -> int:
 def fly_segment(
     segment: Record, steps: int, gravity: Gravity, options: Record, work: Record
 ) -> None:
-    """Carry ``work.state`` and ``work.tangent`` over a segment by the chosen propagator."""
+    """Propagate ``work.state`` and ``work.tangent`` over a segment."""
     if options.propagator == RUNGE_KUTTA:
         integrate_segment(segment, steps, gravity, work)
     else:
@@ -369,13 +374,13 @@ def aim_held_burns(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> None:
-    """Give held burns without a direction that which they would have if they were guided.
+    """Estimate the directions of held burns that have none, from a guided flight.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
-        unknowns: see :func:`shoot`; directions that are 0 are written.
+        unknowns: see :func:`shoot`; directions of length 0 are overwritten.
         work: record WORK.
     """
     count = held_count(start, mission.arcs)
@@ -395,15 +400,15 @@ def aim_held_burns(
     work.aiming = 0
     for k in range(count):
         column = direction_column(k + 1, work)
-        pull = load(work.aims[k].pull)
-        if norm(load(unknowns[column:])) == 0.0 and norm(pull) > 0.0:
+        primer_impulse = load(work.aims[k].primer_impulse)
+        if norm(load(unknowns[column:])) == 0.0 and norm(primer_impulse) > 0.0:
             for i in range(3):
-                unknowns[column + i] = pull[i] / norm(pull)
+                unknowns[column + i] = primer_impulse[i] / norm(primer_impulse)
 
 
 @kernel
 def _begin_rows(unknowns: NDArray[np.float64], work: Record) -> None:
-    """Tangents at the start, and the first equation, |lambda_v| = 1."""
+    """Set the tangents at the start, and the first equation, |lambda_v| = 1."""
     work.columns = min(6, work.columns_wanted)
     for c in range(work.columns_wanted):
         for i in range(ROWS):
@@ -425,7 +430,7 @@ def _shoot(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """Fly to the end with the tangents that ``work.columns_wanted`` asks for."""
+    """Fly to the end with ``work.columns_wanted`` tangents; return false on failure."""
     work.evaluations += 1
     gravity = begin_flight(start, mission, options, unknowns, work)
     count = work.segment_count
@@ -433,19 +438,19 @@ def _shoot(
         return False
     _begin_rows(unknowns, work)
     held = held_count(start, mission.arcs)
-    clear_pull_tangents(held, work)
+    clear_impulse_tangents(held, work)
     met = 0
     for i in range(count):
         segment = work.segments[i]
         if segment.moves == 1 or segment.held > 0:
             work.columns = work.columns_wanted
-        # the number of steps only grows within a solve: no chatter between two grids
+        # the number of steps never falls within a solve: no chatter between two grids
         steps = max(step_count(segment, options.step), work.steps[i])
         work.steps[i] = steps
         work.spent += steps
         fly_segment(segment, steps, gravity, options, work)
         if work.planned == 1:
-            note_segment(i, mission.arcs, gravity, work)
+            store_segment(i, mission.arcs, gravity, work)
         if segment.end_heating >= 0 and i + 1 < count:
             met += 1
             limit = mission.jettisons[which_jettison(start, mission, segment.end_heating)].value
@@ -473,11 +478,11 @@ def shoot(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """Fly the unknowns to the end; residuals only.
+    """Evaluate the residuals of the unknowns by a flight to the end.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         unknowns: shape (at least n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then
             per heating jettison its time (s) and pi (per unit of log heating), then the end
@@ -485,7 +490,7 @@ def shoot(
         work: record WORK; ``residual`` is written, ``state`` holds the end.
 
     Returns:
-        False if the times make no flight, or something is not finite.
+        False if the times are not possible, or a residual is not finite.
     """
     work.columns_wanted = 0
     return _shoot(start, mission, options, unknowns, work)
@@ -499,6 +504,6 @@ def shoot_with_jacobian(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """As :func:`shoot`; ``work.jacobian`` is written too."""
+    """Evaluate residuals and Jacobian, arguments and result as :func:`shoot`."""
     work.columns_wanted = unknown_count(start, mission, options)
     return _shoot(start, mission, options, unknowns, work)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A first guess in orbit, made at the next ignition: thrust along the velocity, or by a plan."""
+"""Guess the costates at the next ignition of a flight in orbit, and propagate them back."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,12 @@ _MOST_STEPS = 400.0
 
 @kernel
 def next_ignition(start: Record, mission: MissionRecords, ends: NDArray[np.float64]) -> float:
-    """When the next burn ignites, s; the start if one runs.
+    """Return the time of the next ignition, s; the start if a burn is running.
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
-        ends: s, of the free arcs before the last.
+        mission: its records.
+        ends: ends of the free arcs before the last, s.
     """
     k = start.arc
     time = start.time
@@ -42,7 +42,10 @@ def next_ignition(start: Record, mission: MissionRecords, ends: NDArray[np.float
 
 @kernel
 def tangential_primer(start: Record, mission: MissionRecords, ignition: float) -> Costates:
-    """Primer and its rate at an ignition that turn with the velocity; as the next returns them."""
+    """Return primer and rate at an ignition for thrust along the velocity.
+
+    The primer has length 1 and turns with the velocity; ``ignition`` in s.
+    """
     mu = mission.environment.mu
     r, v = kepler(load(start.position), load(start.velocity), ignition - start.time, mu)
     speed = norm(v)
@@ -52,19 +55,19 @@ def tangential_primer(start: Record, mission: MissionRecords, ignition: float) -
 
 
 @kernel
-def carried_back(
+def propagated_back(
     start: Record, mission: MissionRecords, ignition: float, costates: Costates
 ) -> Costates:
-    """Primer and its rate at the start from those at an ignition, over the coast before it.
+    """Propagate primer and rate from an ignition back to the start, over the coast.
 
-    The coast is a conic, along which the primer's equation is linear; it is integrated by Runge
-    and Kutta's rule.
+    The coast is a conic; the linear equation of the primer along it is integrated by the classical
+    Runge-Kutta method.
 
     Args:
         start: record NAVIGATION.
         mission: its gravity is read.
         ignition: s.
-        costates: there.
+        costates: primer and rate at the ignition.
 
     Returns:
         a primer of length 1, and its rate, 1/s.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The end of the two-point problem: the target and its reduced transversality."""
+"""Write the terminal conditions of the two-point problem: target and transversality."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ def _row(
     by_p: Vector,
     by_q: Vector,
 ) -> None:
-    """A row of the Jacobian from the gradient by the state."""
+    """Write a row of the Jacobian from the gradients by the state."""
     for c in range(columns):
         out[c] = (
             by_r[0] * tangent[c, 0]
@@ -50,14 +50,13 @@ def _row(
 
 @kernel
 def end_rows(target: Record, mu: float, work: Record) -> None:
-    """Terminal set and reduced transversality: residuals and Jacobian rows 1 to 6.
+    """Write residuals and Jacobian rows 1 to 6: terminal set and reduced transversality.
 
-    A motion that the terminal set leaves free must not change the cost: lambda . dx = 0 for
-    the turn of the whole state about an axis e, which is e . C = 0 with
-    C = r x lambda_r + V x lambda_v. Free downrange: e along h; free node: e along the pole.
-    On a Keplerian target the free motion is that along the orbit,
-    lambda_r . V + lambda_v . g = 0. What a target by elements leaves free is found from the
-    gradients of its rows.
+    A motion that the terminal set leaves free must not change the cost: lambda . dx = 0. For a
+    rotation of the whole state about an axis e this is e . C = 0 with
+    C = r x lambda_r + V x lambda_v. Free downrange: e along h; free node: e along the pole. On a
+    Keplerian target the free motion is along the orbit: lambda_r . V + lambda_v . g = 0. For a
+    target by elements the free motions follow from the gradients of its rows.
 
     Args:
         target: record TARGET.

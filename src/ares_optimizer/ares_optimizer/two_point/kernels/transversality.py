@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reduced transversality of any target, from the gradients of its rows.
+"""Reduce the transversality conditions of any target, from the gradients of its rows.
 
-The costate at cut-off must be a sum of the rows' gradients: it has no part along a motion that
-keeps all of them. With G the gradients, N an orthonormal basis of what they leave free and
-nu the multipliers, N^T lambda = 0 has the derivative N^T (d lambda - dG^T nu), exact at the root.
+The costate at cut-off must be a linear combination of the gradients of the rows. With G the
+gradients, N an orthonormal basis of their null space and nu the multipliers, the condition
+N^T lambda = 0 has the derivative N^T (d lambda - dG^T nu), exact at the root.
 """
 
 import math
@@ -19,12 +19,12 @@ from ares_optimizer.kernels.terminal import terminal_rows
 Array = NDArray[np.float64]
 
 _DIFFERENCE = 3e-6  # of radius and speed, for second derivatives
-_NEARLY_SPANNED = 0.3  # length of what is left of a unit vector that is no new direction
+_NEARLY_SPANNED = 0.3  # least remainder of a unit vector that counts as a new direction
 
 
 @kernel
 def _scale_state(work: Record) -> None:
-    """Radius, speed and the costate at the end of the thrust, scaled by them."""
+    """Scale the costate at the end of thrust by radius and speed."""
     frame = work.terminal_frame
     state = work.state
     radius = norm(load(state))
@@ -38,8 +38,8 @@ def _scale_state(work: Record) -> None:
 
 
 @kernel
-def _take_off(vector: Array, axis: Array) -> float:
-    """Take the part along a unit vector off a vector; its length."""
+def _project_out(vector: Array, axis: Array) -> float:
+    """Subtract the component along a unit vector; return that component."""
     along = 0.0
     for k in range(6):
         along += vector[k] * axis[k]
@@ -50,7 +50,7 @@ def _take_off(vector: Array, axis: Array) -> float:
 
 @kernel
 def _normalise(vector: Array) -> float:
-    """Bring a vector to length 1; the length that it had."""
+    """Normalise a vector; return the length that it had."""
     square = 0.0
     for k in range(6):
         square += vector[k] * vector[k]
@@ -63,13 +63,13 @@ def _normalise(vector: Array) -> float:
 
 @kernel
 def _span(rows: int, work: Record) -> None:
-    """Orthonormal basis of the scaled gradients, and the multipliers of the costate in them."""
+    """Compute an orthonormal basis of the scaled gradients, and the multipliers."""
     frame = work.terminal_frame
     for i in range(rows):
         for k in range(6):
             frame.span[i, k] = work.terminal_gradient[i, k] * frame.size[k]
         for j in range(i):
-            frame.factor[i, j] = _take_off(frame.span[i], frame.span[j])
+            frame.factor[i, j] = _project_out(frame.span[i], frame.span[j])
         frame.factor[i, i] = _normalise(frame.span[i])
     for j in range(rows - 1, -1, -1):
         total = 0.0
@@ -82,23 +82,23 @@ def _span(rows: int, work: Record) -> None:
 
 @kernel
 def _try_direction(f: int, rows: int, work: Record) -> float:
-    """Make ``free[f]`` orthogonal to the span and to those before it; what was left of it."""
+    """Orthonormalise ``free[f]`` against span and earlier rows; return its remainder."""
     frame = work.terminal_frame
     left = 1.0
     for _ in range(2):
         for j in range(rows):
-            _take_off(frame.free[f], frame.span[j])
+            _project_out(frame.free[f], frame.span[j])
         for j in range(f):
-            _take_off(frame.free[f], frame.free[j])
+            _project_out(frame.free[f], frame.free[j])
         left *= _normalise(frame.free[f])
     return left
 
 
 @kernel
 def _complete(rows: int, work: Record) -> None:
-    """Orthonormal basis of what the span leaves free.
+    """Complete the span by an orthonormal basis of its complement.
 
-    That of the last call is turned as little as need be, so that residuals move smoothly.
+    The basis of the last call is turned as little as possible, so residuals change smoothly.
     """
     frame = work.terminal_frame
     for f in range(6 - rows):
@@ -107,7 +107,7 @@ def _complete(rows: int, work: Record) -> None:
         best = 0
         most = -1.0
         for axis in range(7):
-            # the seventh time round for good
+            # the seventh pass sets the best axis
             chosen = best if axis == 6 else axis
             for k in range(6):
                 frame.free[f, k] = 1.0 if k == chosen else 0.0
@@ -118,8 +118,8 @@ def _complete(rows: int, work: Record) -> None:
 
 
 @kernel
-def _bend(target: Record, mu: float, rows: int, work: Record) -> None:
-    """Second derivatives of multipliers . rows, by differences of their exact gradients."""
+def _second_derivatives(target: Record, mu: float, rows: int, work: Record) -> None:
+    """Compute second derivatives of multipliers . rows by differences of exact gradients."""
     frame = work.terminal_frame
     state = work.state
     for k in range(6):
@@ -134,18 +134,18 @@ def _bend(target: Record, mu: float, rows: int, work: Record) -> None:
             total = 0.0
             for i in range(rows):
                 total += frame.multipliers[i] * (frame.ahead[i, n] - frame.behind[i, n])
-            frame.bend[n, k] = total / (2.0 * step)
+            frame.hessian[n, k] = total / (2.0 * step)
 
 
 @kernel
 def transversality_rows(target: Record, mu: float, rows: int, work: Record) -> None:
-    """Residuals and Jacobian rows of what a target leaves free.
+    """Write residuals and Jacobian rows of the reduced transversality conditions.
 
     Args:
         target: record TARGET.
         mu: m3/s2.
-        rows: of the target, with their gradients in ``work.terminal_gradient``; residuals and
-            rows of the Jacobian follow theirs, without unit.
+        rows: number of rows of the target, whose gradients are in ``work.terminal_gradient``;
+            the rows written follow these, without unit.
         work: record WORK with the end of the thrust in ``state`` and ``tangent``.
     """
     frame = work.terminal_frame
@@ -154,7 +154,7 @@ def transversality_rows(target: Record, mu: float, rows: int, work: Record) -> N
     _span(rows, work)
     _complete(rows, work)
     if work.columns > 0:
-        _bend(target, mu, rows, work)
+        _second_derivatives(target, mu, rows, work)
     speed = frame.size[3]
     for f in range(6 - rows):
         row = 1 + rows + f
@@ -168,6 +168,6 @@ def transversality_rows(target: Record, mu: float, rows: int, work: Record) -> N
                 moved = -tangent[c, 9 + n] if n < 3 else tangent[c, 3 + n]
                 moved /= speed
                 for k in range(6):
-                    moved -= frame.bend[n, k] * tangent[c, k]
+                    moved -= frame.hessian[n, k] * tangent[c, k]
                 total += frame.free[f, n] * frame.size[n] * moved
             work.jacobian[row, c] = total

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled: polynomial burns and their iteration."""
+"""Hold compiled functions: burns as polynomials and their iteration."""

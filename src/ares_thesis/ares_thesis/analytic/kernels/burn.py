@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chapter 5 of the thesis: burns in closed form, from polynomials in sin(gamma) and cos(alpha).
+"""Compute burns in closed form, from polynomials in sin(gamma) and cos(alpha): chapter 5.
 
-A *burn* is a stretch of constant thrust, a *part* one or two burns under one steering law: start
-to jettison (part one), jettison to cut-off (part two). Motion is in a plane: radius r, speed V,
-flight-path angle gamma, range angle phi. Polynomials run in x = t/T over a burn of duration T.
+A *burn* has constant thrust; a *part* is one or two burns under one steering law: start to jettison
+(part one), jettison to cut-off (part two). The motion is planar: radius r, speed V, flight-path
+angle gamma, range angle phi. Polynomials are in x = t/T over a burn of duration T.
 """
 
 import math
@@ -18,14 +18,14 @@ from ares_models.jit import allocating, kernel
 Array = NDArray[np.float64]
 
 #: Polynomials of sin(gamma): 5.9; 5.8; a cubic with the slope of Eq. 5.6 at both ends; the cubic
-#: and its values at the nodes between.
+#: corrected at the nodes between.
 LINEAR = 0
 QUADRATIC = 1
 CUBIC = 2
 FITTED = 3
 
-#: Steering: tan(theta) linear against the local horizon (5.16); against the horizon of the
-#: part's start; with the curvature that gravity's gradient gives the primer vector.
+#: Steering: tan(theta) linear against the local horizon (5.16); against the horizon at the start of
+#: the part; with the curvature of the primer vector by the gravity gradient.
 LOCAL = 0
 INERTIAL = 1
 PRIMER = 2
@@ -45,24 +45,24 @@ BURN = np.dtype(
         ("nodes", np.int64),  # 2, 3 or 5, equally spaced, both ends included
         ("steps", np.int64),  # of the trapezoid
         ("exhaust_velocity", np.float64),  # m/s
-        ("tau", np.float64),  # s, mass over mass flow at the burn's start, Eq. 5.7
-        ("begin", np.float64),  # s after the part's start
+        ("tau", np.float64),  # s, mass over mass flow at the start of the burn, Eq. 5.7
+        ("begin", np.float64),  # s after the start of the part
         ("duration", np.float64),  # s
         ("gravity", np.float64),  # m/s2, constant over the burn
         # at the nodes
         ("radius", np.float64, (MAX_NODES,)),  # m
         ("speed", np.float64, (MAX_NODES,)),  # m/s
         ("sine", np.float64, (MAX_NODES,)),  # sin(gamma)
-        ("range_angle", np.float64, (MAX_NODES,)),  # rad, since the part's start
+        ("range_angle", np.float64, (MAX_NODES,)),  # rad, since the start of the part
         ("cos_theta", np.float64, (MAX_NODES,)),  # thrust against the local horizon
         ("sin_theta", np.float64, (MAX_NODES,)),
         ("moments", np.float64, (MAX_NODES, MAX_NODES)),  # log_moments up to each node
-        ("moments_of", np.float64),  # duration / tau that they belong to
-        ("end_radius", np.float64),  # m, by the position integral asked for
+        ("moments_of", np.float64),  # duration / tau of these moments
+        ("end_radius", np.float64),  # m, by the position integral of the part
         # coefficients, lowest power of x first
         ("sin_gamma", np.float64, (SINE_TERMS,)),
         ("cos_alpha", np.float64, (MAX_NODES,)),
-        ("warm", np.int64),  # 1: the nodes hold an earlier shape of this burn
+        ("warm", np.int64),  # 1: the nodes hold an earlier solution of this burn
     ],
     align=True,
 )
@@ -73,9 +73,9 @@ PART = np.dtype(
         ("burns", np.int64),  # 1 or 2
         ("steering", np.int64),
         ("solved", np.int64),  # 1: gamma follows from the motion; 0: assumed as printed
-        ("mean_gravity", np.int64),  # 0: that of the burn's start
+        ("mean_gravity", np.int64),  # 0: gravity at the start of the burn
         ("integral", np.int64),
-        ("timed", np.int64),  # 1: the duration of the last burn is given, not sought
+        ("timed", np.int64),  # 1: the duration of the last burn is given
         ("step_scale", np.float64),  # alpha_s of Eq. 5.31
         ("max_iterations", np.int64),
         # start
@@ -86,16 +86,16 @@ PART = np.dtype(
         ("target_radius", np.float64),
         ("target_speed", np.float64),
         ("target_gamma", np.float64),
-        # what PRIMER has to know of the way, see set_law
+        # mean values for PRIMER, see set_law
         ("mean_radius", np.float64),
         ("mean_speed", np.float64),
-        # unknowns: thrust above the horizon at the start and at the end (LOCAL: the horizon
-        # there; else that of the part's start), gamma at the joint of two burns
+        # unknowns: thrust above the horizon at the start and at the end (LOCAL: local horizon;
+        # else the horizon at the start of the part), gamma at the joint of two burns
         ("theta_start", np.float64),
         ("theta_end", np.float64),
         ("gamma_joint", np.float64),
         ("time_to_go", np.float64),  # s, duration of the last burn
-        # direction of thrust in powers of time (s): along and above the horizon
+        # thrust direction in powers of time (s): along and above the horizon
         ("along", np.float64, (4,)),
         ("above", np.float64, (4,)),
         # of the latest projection: desired minus projected
@@ -104,7 +104,7 @@ PART = np.dtype(
         ("gamma_error", np.float64),  # rad
         # of the iteration
         ("iterations", np.int64),
-        ("searches", np.int64),  # projections in search of the time to go
+        ("searches", np.int64),  # projections in the search for the time to go
         ("stop", np.int64),  # another thread writes 1 here to end the iteration
         ("partials", np.float64, (2,)),  # Eq. 5.32, m/rad, by the first two unknowns
     ],
@@ -113,7 +113,7 @@ PART = np.dtype(
 
 
 def _powers_of_nodes() -> Array:
-    """Per number of nodes the matrix that turns values there into powers of x."""
+    """Return, per number of nodes, the matrix from values at the nodes to powers of x."""
     table = np.zeros((MAX_NODES + 1, MAX_NODES, MAX_NODES))
     for n in range(2, MAX_NODES + 1):
         table[n, :n, :n] = np.linalg.inv(np.vander(np.linspace(0.0, 1.0, n), increasing=True))
@@ -121,7 +121,7 @@ def _powers_of_nodes() -> Array:
 
 
 def _powers_of_inner_nodes() -> Array:
-    """The same for the nodes between the ends, of values divided by x^2 (1 - x)^2."""
+    """Return the same for the inner nodes, of values divided by x^2 (1 - x)^2."""
     table = np.zeros((MAX_NODES + 1, MAX_NODES, MAX_NODES))
     for n in range(3, MAX_NODES + 1):
         x = np.linspace(0.0, 1.0, n)[1:-1]
@@ -141,18 +141,17 @@ _SETTLED = 1e-11
 
 @kernel
 def log_moments(x: float, count: int, out: Array) -> None:
-    """The thrust integrals of Eq. 5.20, without cancellation.
+    """Compute the thrust integrals of Eq. 5.20 without cancellation.
 
     out[k] is the integral over s from 0 to 1 of s^k x / (1 - x s), that is 1/T^k times the
     integral over t from 0 to T of t^k / (tau - t), with x = T/tau. out[0] = -ln(1 - x), and
-    out[k] = out[k-1]/x - 1/k; for small x this recursion runs from the top, where a series
-    starts it.
+    out[k] = out[k-1]/x - 1/k; for small x this recursion runs downwards from a series.
 
-    Printed in 5.20, 5.21, 5.27: ln(-tau + t), which has no real value; meant is ln(tau - t).
+    Printed in 5.20, 5.21, 5.27: ln(-tau + t), which has no real value; correct is ln(tau - t).
 
     Args:
-        x: less than 1; negative for a burn flown back.
-        count: how many.
+        x: less than 1; negative for a burn flown backwards.
+        count: number of integrals.
         out: shape (>= count,), written.
     """
     if abs(x) ** (count - 1) > _CANCELLATION:
@@ -174,7 +173,7 @@ def log_moments(x: float, count: int, out: Array) -> None:
 
 @kernel
 def polynomial(a: Array, count: int, x: float) -> float:
-    """Sum of a[k] x^k."""
+    """Return the sum of a[k] x^k."""
     total = 0.0
     for k in range(count - 1, -1, -1):
         total = total * x + a[k]
@@ -183,7 +182,7 @@ def polynomial(a: Array, count: int, x: float) -> float:
 
 @kernel
 def integral(a: Array, count: int, x: float) -> float:
-    """Integral of the polynomial from 0 to x."""
+    """Return the integral of a polynomial from 0 to x."""
     total = 0.0
     for k in range(count - 1, -1, -1):
         total = total * x + a[k] / (k + 1)
@@ -192,7 +191,7 @@ def integral(a: Array, count: int, x: float) -> float:
 
 @kernel
 def through_nodes(values: Array, n: int, out: Array) -> None:
-    """Coefficients of the polynomial through ``n`` values at equally spaced x from 0 to 1."""
+    """Compute the polynomial through ``n`` values at equally spaced x from 0 to 1."""
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -202,23 +201,23 @@ def through_nodes(values: Array, n: int, out: Array) -> None:
 
 @kernel
 def cosine_of(sine: float) -> float:
-    """Cosine of an angle within 90 deg."""
+    """Return the cosine of an angle within 90 deg from its sine."""
     return math.sqrt(max(0.0, 1.0 - sine * sine))
 
 
 @kernel
 def angle_of(sine: float) -> float:
-    """Angle within 90 deg, rad; its end beyond."""
+    """Return the angle, rad, of a sine clipped to [-1, 1]."""
     return math.asin(min(1.0, max(-1.0, sine)))
 
 
 @kernel
 def set_law(part: Record, total: float) -> None:
-    """Steering law of a part from its angles at both ends.
+    """Set the steering law of a part from its angles at both ends.
 
     LOCAL and INERTIAL: tan(theta) = a1 t + a0, Eq. 5.16. PRIMER: lambda'' = G lambda (3.15) to
-    third order in time, G the gravity gradient half-way; the rate along the horizon is that of
-    a free range angle, r x lambda_r + V x lambda_v = 0.
+    third order in time, with the gravity gradient G half-way. The rate along the horizon follows
+    from a free range angle, r x lambda_r + V x lambda_v = 0.
 
     Args:
         part: dtype PART; ``along`` and ``above`` are written.
@@ -243,7 +242,7 @@ def set_law(part: Record, total: float) -> None:
     gxz = k * 3.0 * up_x * up_z
     gzz = k * (3.0 * up_z * up_z - 1.0)
     rate = -part.speed * math.sin(part.theta_start - part.gamma) / part.radius
-    # the vector at the end without a rate above the horizon, and what a unit of that rate adds
+    # vector at the end without a rate above the horizon, and its derivative by that rate
     t2 = 0.5 * total * total
     t3 = total * t2 / 3.0
     x0 = cos + rate * total + t2 * (gxx * cos + gxz * sin) + t3 * gxx * rate
@@ -265,12 +264,12 @@ def set_law(part: Record, total: float) -> None:
 
 @kernel
 def thrust_direction(part: Record, t: float, range_angle: float) -> tuple[float, float]:
-    """Cosine and sine of theta: thrust against the local horizon.
+    """Return cosine and sine of theta: thrust against the local horizon.
 
     Args:
         part: dtype PART.
-        t: s after the part's start.
-        range_angle: rad, by which the horizon has turned since then.
+        t: time after the start of the part, s.
+        range_angle: rotation of the horizon since then, rad.
     """
     along = polynomial(part.along, 4, t)
     above = polynomial(part.above, 4, t)
@@ -286,7 +285,7 @@ def thrust_direction(part: Record, t: float, range_angle: float) -> tuple[float,
 
 @kernel
 def _sine_rate(mu: float, burn: Record, i: int) -> float:
-    """Rate of sin(gamma) at a node, 1/s: Eq. 5.6 times cos(gamma)."""
+    """Return the rate of sin(gamma) at a node, 1/s: Eq. 5.6 times cos(gamma)."""
     sine = burn.sine[i]
     cosine = cosine_of(sine)
     speed = burn.speed[i]
@@ -299,7 +298,7 @@ def _sine_rate(mu: float, burn: Record, i: int) -> float:
 
 @kernel
 def _set_sine(mu: float, burn: Record) -> None:
-    """Coefficients of sin(gamma): Eqs. 5.8 to 5.14, or with the slope of 5.6 at both ends.
+    """Compute sin(gamma): Eqs. 5.8 to 5.14, or with the slope of 5.6 at both ends.
 
     Printed in 5.11: b2 t0 + b1; the derivative is 2 b2 t0 + b1.
     """
@@ -322,7 +321,7 @@ def _set_sine(mu: float, burn: Record) -> None:
     b[3] = slope + end_slope - 2.0 * rise
     if burn.form == CUBIC:
         return
-    # x^2 (1 - x)^2 q(x) leaves values and slopes at the ends as they are
+    # x^2 (1 - x)^2 q(x) does not change values and slopes at the ends
     cubic = (b[0], b[1], b[2], b[3])
     for j in range(1, n - 1):
         x = j / (n - 1)
@@ -336,7 +335,7 @@ def _set_sine(mu: float, burn: Record) -> None:
 
 @kernel
 def _speed_from(burn: Record, x: float, moments: Array) -> float:
-    """Speed at x, the log moments of x T / tau at hand."""
+    """Return the speed at x, m/s, with the log moments of x T / tau given."""
     thrust = 0.0
     power = 1.0
     for k in range(burn.nodes):
@@ -348,12 +347,12 @@ def _speed_from(burn: Record, x: float, moments: Array) -> float:
 
 @kernel
 def speed_at(burn: Record, x: float, moments: Array) -> float:
-    """Speed in closed form, m/s: Eqs. 5.20, 5.21, 5.27.
+    """Return the speed in closed form, m/s: Eqs. 5.20, 5.21, 5.27.
 
-    Printed: ln(-tau + t), tau_1 in stage 2, and in 5.27 gravity inside the thrust's brace.
+    Printed: ln(-tau + t), tau_1 in stage 2, and in 5.27 gravity inside the brace of the thrust.
 
     Args:
-        burn: dtype BURN, shaped.
+        burn: dtype BURN, after :func:`shape_burn`.
         x: fraction of the burn.
         moments: shape (POWERS,), work space.
     """
@@ -363,14 +362,14 @@ def speed_at(burn: Record, x: float, moments: Array) -> float:
 
 @kernel
 def exact_rise(burn: Record, x: float, moments: Array) -> float:
-    """Integral of V sin(gamma) up to x in closed form, m.
+    """Integrate V sin(gamma) up to x in closed form, m.
 
-    By parts: with B the integral of sin(gamma), that of V sin(gamma) is V B less that of B V',
-    where V' = a_T cos(alpha) - g sin(gamma) (5.5) leaves a polynomial over tau - t, whose
-    logarithms are those of Eq. 5.20, and g B^2/2.
+    By parts: with B the integral of sin(gamma), the integral of V sin(gamma) is V B minus that of
+    B V'. With V' = a_T cos(alpha) - g sin(gamma) (5.5) the latter is a polynomial over tau - t,
+    integrated as in Eq. 5.20, minus g B^2/2.
 
     Args:
-        burn: dtype BURN, shaped.
+        burn: dtype BURN, after :func:`shape_burn`.
         x: fraction of the burn.
         moments: shape (POWERS,), work space.
     """
@@ -390,7 +389,7 @@ def exact_rise(burn: Record, x: float, moments: Array) -> float:
 
 @kernel
 def trapezoid_rise(burn: Record, moments: Array) -> float:
-    """Integral of V sin(gamma) over the burn by the trapezoidal rule, m (section 6.2)."""
+    """Integrate V sin(gamma) over the burn by the trapezoidal rule, m (section 6.2)."""
     total = 0.0
     for i in range(burn.steps + 1):
         x = i / burn.steps
@@ -401,10 +400,10 @@ def trapezoid_rise(burn: Record, moments: Array) -> float:
 
 @allocating
 def quadratic_rise(burn: Record, moments: Array) -> float:
-    """Integral of V sin(gamma) with a quadratic (or linear) V, m: Eqs. 5.23 to 5.26, 5.28.
+    """Integrate V sin(gamma) with a quadratic or linear V, m: Eqs. 5.23 to 5.26, 5.28.
 
-    V agrees with the closed form at both ends and, if it is a quadratic, half-way. Printed in
-    5.26: limits 0 and t_stage1; meant are those of the segment.
+    V agrees with the closed form at both ends and, if quadratic, half-way. Printed in 5.26: limits
+    0 and t_stage1; correct are those of the segment.
     """
     n = 2 if burn.form == LINEAR else 3
     values = np.empty(n)
@@ -421,7 +420,7 @@ def quadratic_rise(burn: Record, moments: Array) -> float:
 
 @kernel
 def _begin_shape(part: Record, burn: Record, free: bool) -> None:
-    """Rough values at the nodes; the sweeps bring them to rest."""
+    """Set rough values at the nodes to start the fixed-point iteration."""
     n = burn.nodes
     for i in range(1, n):
         x = i / (n - 1)
@@ -436,7 +435,7 @@ def _begin_shape(part: Record, burn: Record, free: bool) -> None:
 
 @kernel
 def _shape_speed(part: Record, burn: Record, values: Array) -> None:
-    """Polynomials and speed from what the nodes hold: Eqs. 5.8 to 5.18, 5.20."""
+    """Compute polynomials and speed from the values at the nodes: Eqs. 5.8 to 5.18, 5.20."""
     n = burn.nodes
     last = n - 1
     for i in range(n):
@@ -459,10 +458,10 @@ def _shape_speed(part: Record, burn: Record, values: Array) -> None:
 
 @kernel
 def _shape_climb(part: Record, burn: Record, values: Array, a: Array) -> None:
-    """sin(gamma) = V_r/V at the end (FITTED: at the nodes between, too).
+    """Compute sin(gamma) = V_r/V at the end (FITTED: at the nodes between, too).
 
-    The rate of climb V_r = V sin(gamma) has, by 5.5 and 5.6, the rate
-    a_T sin(theta) - g + V^2 cos^2(gamma)/r, which integrates as 5.20 does.
+    By 5.5 and 5.6 the rate of climb V_r = V sin(gamma) has the derivative
+    a_T sin(theta) - g + V^2 cos^2(gamma)/r, which is integrated as in 5.20.
     """
     n = burn.nodes
     last = n - 1
@@ -486,7 +485,7 @@ def _shape_climb(part: Record, burn: Record, values: Array, a: Array) -> None:
 
 @kernel
 def _shape_place(burn: Record, values: Array, a: Array) -> None:
-    """Radius and range angle at the nodes, for gravity and the horizon there."""
+    """Compute radius and range angle at the nodes."""
     n = burn.nodes
     last = n - 1
     for i in range(n):
@@ -503,9 +502,9 @@ def _shape_place(burn: Record, values: Array, a: Array) -> None:
 
 @allocating
 def shape_burn(part: Record, burn: Record) -> bool:
-    """Find polynomials, speed, radius and range angle of one burn.
+    """Find polynomials, speed, radius and range angle of one burn by fixed-point iteration.
 
-    Sweeps until nothing moves: a handful, each brings the error down twentyfold.
+    Each sweep reduces the error about twentyfold.
 
     Args:
         part: dtype PART with its law.
@@ -513,7 +512,7 @@ def shape_burn(part: Record, burn: Record) -> bool:
             unless the part is ``solved``.
 
     Returns:
-        whether all is finite and at rest.
+        true if the iteration converged.
     """
     n = burn.nodes
     last = n - 1
@@ -547,13 +546,16 @@ def shape_burn(part: Record, burn: Record) -> bool:
 
 @kernel
 def _theta_from_slope(part: Record, burn: Record) -> float:
-    """Thrust angle at the end, rad: Eq. 5.6 solved for alpha with the slope of the quadratic."""
+    """Return the thrust angle at the end, rad: Eq. 5.6 solved for alpha.
+
+    The slope of gamma is that of the quadratic.
+    """
     total = part.time_to_go
     sine = math.sin(part.gamma)
     cosine = math.cos(part.gamma)
-    pull = part.mu / (part.radius * part.radius * part.speed) - part.speed / part.radius
+    fall = part.mu / (part.radius * part.radius * part.speed) - part.speed / part.radius
     thrust = burn.exhaust_velocity / (burn.tau * part.speed)
-    turn = thrust * math.sin(part.theta_start - part.gamma) - pull * cosine
+    turn = thrust * math.sin(part.theta_start - part.gamma) - fall * cosine
     slope = 2.0 * (math.sin(part.target_gamma) - sine) / total - turn * cosine
     radius = part.target_radius
     speed = part.target_speed
@@ -565,7 +567,7 @@ def _theta_from_slope(part: Record, burn: Record) -> float:
 
 @kernel
 def end_radius(part: Record, burn: Record, moments: Array) -> float:
-    """Radius at a burn's end by the position integral that is asked for, m."""
+    """Return the radius at the end of a burn, m, by the position integral of the part."""
     if part.integral == EXACT:
         return burn.radius[0] + exact_rise(burn, 1.0, moments)
     if part.integral == TRAPEZOID:
@@ -575,7 +577,7 @@ def end_radius(part: Record, burn: Record, moments: Array) -> float:
 
 @kernel
 def project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
-    """The projected ascent of a part for its present unknowns; sets its errors.
+    """Project the ascent of a part for its current unknowns; set its errors.
 
     Args:
         part: dtype PART.
@@ -583,7 +585,7 @@ def project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
         moments: shape (POWERS,), work space.
 
     Returns:
-        whether the projection exists.
+        true if the projection exists.
     """
     part.position_error = math.nan
     part.speed_error = math.nan
@@ -630,7 +632,7 @@ def project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
 
 @allocating
 def sample_burn(part: Record, burn: Record, xs: Array, out: Array) -> None:
-    """A shaped burn at fractions of its duration.
+    """Sample a burn at fractions of its duration.
 
     Args:
         part: dtype PART.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The iteration of section 5.3.3, and where it starts."""
+"""Iterate the unknowns of a part (section 5.3.3) from a first guess."""
 
 import math
 from typing import Any
@@ -20,7 +20,7 @@ GAMMA_TOLERANCE = 1e-6  # rad
 
 _MOST_OF_TAU = 0.97
 _SEARCHES = 60
-_LONGEST_STEP = 0.2  # rad; of the time to go 200 s
+_LONGEST_STEP = 0.2  # rad; time to go: 200 s
 _SHORTEST_STEP = 1e-3  # of the full one
 _SHIFT = 1e-5  # rad, of the finite differences
 _TIME_SCALE = 1e3  # s
@@ -31,11 +31,11 @@ _STEEPEST = 0.95  # sine of a guessed angle
 
 @kernel
 def guess_time(part: Record, burns: NDArray[Any], delta_v: float) -> None:
-    """Time to go of an impulsive change of speed, Eq. 5.29; burns before the last count.
+    """Guess the time to go from an impulsive change of speed, Eq. 5.29.
 
     Args:
         part: dtype PART; ``time_to_go`` is written.
-        burns: dtype BURN.
+        burns: dtype BURN; those before the last reduce the speed to gain.
         delta_v: m/s.
     """
     final = burns[part.burns - 1]
@@ -48,7 +48,7 @@ def guess_time(part: Record, burns: NDArray[Any], delta_v: float) -> None:
 
 @allocating
 def _thrust_moments(part: Record, burns: NDArray[Any], m: Array) -> float:
-    """Integrals of a_T, a_T t, a_T t^2 over a part into ``m``; of a_T over its first half."""
+    """Integrate a_T, a_T t, a_T t^2 over a part; return a_T over its first half."""
     work = np.empty(3)
     for k in range(3):
         m[k] = 0.0
@@ -74,16 +74,16 @@ def _thrust_moments(part: Record, burns: NDArray[Any], m: Array) -> float:
 
 @allocating
 def guess_angles(part: Record, burns: NDArray[Any], time_known: bool) -> None:
-    """Angles and time to go that would do with a speed known beforehand.
+    """Guess angles and time to go with a prescribed history of speed.
 
-    sin(theta) = p + q t, from the vertical: p and q meet the target's rate of climb and radius
-    against gravity less centrifugal acceleration, the time to go the change of horizontal speed
-    (Eq. 5.29 over the mean cosine).
+    sin(theta) = p + q t: vertical motion under gravity minus centrifugal acceleration determines p
+    and q from the target's rate of climb and radius; the change of horizontal speed determines the
+    time to go (Eq. 5.29 over the mean cosine).
 
     Args:
         part: dtype PART; ``theta_start``, ``theta_end``, ``time_to_go`` are written.
         burns: dtype BURN.
-        time_known: keep ``time_to_go`` as it is.
+        time_known: do not change ``time_to_go``.
     """
     m = np.empty(3)
     across0 = part.speed * math.cos(part.gamma)
@@ -105,12 +105,12 @@ def guess_angles(part: Record, burns: NDArray[Any], time_known: bool) -> None:
         for k in range(part.burns - 1):
             total += burns[k].duration
         across = across0 + (across1 - across0) * half / m[0]
-        # Simpson's rule, over time once and twice
-        pull0 = across0 * across0 / radius0 - part.mu / (radius0 * radius0)
-        pull = across * across / middle - part.mu / (middle * middle)
-        pull1 = across1 * across1 / radius1 - part.mu / (radius1 * radius1)
-        once = total / 6.0 * (pull0 + 4.0 * pull + pull1)
-        twice = total * total / 6.0 * (pull0 + 2.0 * pull)
+        # single and double integrals over time by Simpson's rule
+        net0 = across0 * across0 / radius0 - part.mu / (radius0 * radius0)
+        net = across * across / middle - part.mu / (middle * middle)
+        net1 = across1 * across1 / radius1 - part.mu / (radius1 * radius1)
+        once = total / 6.0 * (net0 + 4.0 * net + net1)
+        twice = total * total / 6.0 * (net0 + 2.0 * net)
         climb = climb1 - climb0 - once
         rise = radius1 - radius0 - climb0 * total - twice
         s = m[0] * total - m[1]
@@ -132,7 +132,7 @@ def guess_angles(part: Record, burns: NDArray[Any], time_known: bool) -> None:
 
 @kernel
 def search_time(part: Record, burns: NDArray[Any], moments: Array) -> bool:
-    """Linear search for the time to go on the speed error, Eq. 5.30.
+    """Search for the time to go by the speed error, Eq. 5.30.
 
     Printed: dt/dV is "the inverse of Eq. 5.4"; it is that of Eq. 5.5.
 
@@ -142,7 +142,7 @@ def search_time(part: Record, burns: NDArray[Any], moments: Array) -> bool:
         moments: shape (POWERS,), work space.
 
     Returns:
-        whether the speed is met.
+        true if the speed is met.
     """
     final = burns[part.burns - 1]
     longest = _MOST_OF_TAU * final.tau
@@ -165,7 +165,10 @@ def search_time(part: Record, burns: NDArray[Any], moments: Array) -> bool:
 
 @kernel
 def _get(part: Record, u: Array) -> None:
-    """The free parameters of Tables 5.1 and 5.2: printed the angles, solved the time, too."""
+    """Copy the free parameters of Tables 5.1 and 5.2 to ``u``.
+
+    As printed these are the angles; if ``solved``, the time to go too.
+    """
     if part.solved == 1:
         u[0] = part.theta_start
         u[1] = part.theta_end
@@ -193,10 +196,10 @@ def _put(part: Record, u: Array) -> None:
 
 @kernel
 def _residuals(part: Record, f: Array) -> float:
-    """What is to be mended: the position error, solved also those in gamma and speed.
+    """Write the scaled errors: position; if ``solved``, also gamma and speed.
 
     Returns:
-        their size.
+        sum of their squares.
     """
     f[0] = -part.position_error / part.target_radius
     if part.solved == 1:
@@ -210,7 +213,7 @@ def _residuals(part: Record, f: Array) -> float:
 
 
 @kernel
-def _met(part: Record) -> bool:
+def _is_met(part: Record) -> bool:
     if part.solved == 1:
         if not abs(part.gamma_error) < GAMMA_TOLERANCE:
             return False
@@ -221,7 +224,7 @@ def _met(part: Record) -> bool:
 
 @kernel
 def _project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
-    """The projection to judge the unknowns by; printed: with the time to go sought (5.30)."""
+    """Project a part; as printed, with a search for the time to go (5.30)."""
     if part.solved == 1:
         return project(part, burns, moments)
     return search_time(part, burns, moments)
@@ -231,7 +234,7 @@ def _project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
 def _find_partials(
     part: Record, burns: NDArray[Any], moments: Array, u: Array, f: Array, m: Array
 ) -> bool:
-    """Finite differences of Eq. 5.32 into ``m``; leaves the part shifted."""
+    """Compute the finite differences of Eq. 5.32; the part is left perturbed."""
     rows, columns = m.shape
     shifted = np.empty(rows)
     for j in range(columns):
@@ -250,19 +253,19 @@ def _find_partials(
 
 @allocating
 def iterate(part: Record, burns: NDArray[Any]) -> bool:
-    """The unknowns by the pseudoinverse of finite differences: section 5.3.3.
+    """Solve for the unknowns by the pseudoinverse of finite differences: section 5.3.3.
 
-    As printed the speed error gives the time to go first, then the position error the shortest
-    step of two angles (part one) or one (part two). ``solved``: errors in position, gamma and
-    speed for the angles at both ends and the time to go; a step that makes things worse is
-    halved.
+    As printed, the speed error determines the time to go first, then the position error the
+    shortest step of two angles (part one) or one (part two). If ``solved``, the errors in position,
+    gamma and speed determine the angles at both ends and the time to go; a step that increases the
+    errors is halved.
 
     Args:
         part: dtype PART with guesses; unknowns, errors, partials and counts are written.
-        burns: dtype BURN; shaped.
+        burns: dtype BURN; written.
 
     Returns:
-        whether the target is met.
+        true if the target is met.
     """
     moments = np.empty(POWERS)
     rows = 1
@@ -296,7 +299,7 @@ def iterate(part: Record, burns: NDArray[Any]) -> bool:
             continue
         if not projected:
             return False
-        met = _met(part)
+        met = _is_met(part)
         if not _find_partials(part, burns, moments, u, f, m):
             return False
         _put(part, u)

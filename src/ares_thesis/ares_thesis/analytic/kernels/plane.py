@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the plane of chapter 5 into space.
+"""Transform the planar flight of chapter 5 to space.
 
-Thrust stays in a plane through the start. What velocity there is across that plane swings about
-it as in linear gravity (3.27): the flight begins with the velocity it has, and ends with an
-inclination that the tilt of the plane decides.
+Thrust stays in a plane through the start. The velocity across that plane oscillates as in linear
+gravity (3.27). The flight begins with its actual velocity, and the tilt of the plane determines the
+inclination at the end.
 """
 
 import math
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Plane(NamedTuple):
-    """The plane of thrust.
+    """Hold the plane of thrust.
 
     Attributes:
         up, ahead, normal: unit vectors: radial and horizontal at the start, up x ahead.
@@ -41,15 +41,15 @@ class Plane(NamedTuple):
 def place(
     radius: float, speed: float, sine: float, range_angle: float, since: float, plane: Plane
 ) -> tuple[Vector, Vector]:
-    """Position (m) and velocity (m/s) of a planar state.
+    """Return position, m, and velocity, m/s, of a planar state.
 
     Args:
         radius: m.
         speed: m/s.
         sine: sin(gamma).
         range_angle: rad, from ``up`` towards ``ahead``.
-        since: s after the start.
-        plane: where.
+        since: time after the start, s.
+        plane: the plane of thrust.
     """
     cos = math.cos(range_angle)
     sin = math.sin(range_angle)
@@ -60,12 +60,12 @@ def place(
     r = axpy(across, plane.normal, scale(radius, radial))
     v = add(scale(speed * sine, radial), scale(speed * cosine_of(sine), horizon))
     v = axpy(plane.drift * math.cos(angle), plane.normal, v)
-    # radius and speed are the planar ones
+    # keep radius and speed of the planar state
     return scale(radius / norm(r), r), scale(speed / norm(v), v)
 
 
 class Track(NamedTuple):
-    """Samples of a flight in space.
+    """Hold samples of a flight in space.
 
     Attributes:
         position, velocity, direction: shape (n, 3): m, m/s, unit vectors of the thrust.
@@ -82,13 +82,13 @@ class Track(NamedTuple):
 def place_samples(
     samples: Array, since: Array, plane: Plane, mission: MissionArrays, track: Track
 ) -> None:
-    """Planar samples in space.
+    """Transform planar samples to space.
 
     Args:
         samples: shape (n, 6), see ``burn.sample_burn``; range angles from the start.
-        since: shape (n,), s after the start.
-        plane: where.
-        mission: what is flown.
+        since: shape (n,), time after the start, s.
+        plane: the plane of thrust.
+        mission: environment and atmosphere are read.
         track: written.
     """
     environment = mission.environment[0]

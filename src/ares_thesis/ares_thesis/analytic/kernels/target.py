@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The jettison target from the mission alone.
+"""Find the jettison target from the mission alone.
 
-Both parts in closed form, thrust continuous at the jettison, the heating limit met there, the
-target met at cut-off: for each time from staging to the jettison there is one such flight. The
-one with the earliest cut-off is sought; its state at the jettison is the target of part one.
+For each time from staging to the jettison there is one flight, both parts in closed form, with a
+continuous thrust direction and the heating limit met at the jettison, and the target met at
+cut-off. The state at the jettison of the flight with the earliest cut-off is the target of part
+one.
 """
 
 import math
@@ -31,8 +32,8 @@ from ares_thesis.analytic.kernels.plane import Plane, place
 
 Array = NDArray[np.float64]
 
-#: How the search ended: with a jettison on the way, with one at once (the limit is met when the
-#: stage ignites), or not: no flight to the target; none that meets the limit.
+#: Status of the search: jettison during the burn; jettison at ignition of the stage, already within
+#: the limit; no flight to the target; no flight within the limit.
 ON_THE_WAY = 0
 AT_ONCE = 1
 NO_FLIGHT = 2
@@ -49,7 +50,7 @@ _SCAN = 32
 _BISECTIONS = 30
 _MOST_FLIGHTS = 30
 _MOST_HALVINGS = 8
-_FIRST_STEP = 0.1  # of the time to the jettison
+_FIRST_STEP = 0.1  # fraction of the time to the jettison
 _GREATEST_STEP = 0.3
 _TIME_FOUND = 0.02  # s
 _TIME_ROUNDING = 1e-6  # s
@@ -57,14 +58,14 @@ _BOTH_PARTS = True
 
 
 class Heating(NamedTuple):
-    """The heating limit, and what it takes to know the heating.
+    """Hold the heating limit and the environment.
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
         atmosphere: shape (n, 5).
         plane: of the flight.
         limit: W/m2.
-        drop_s: mass of what is dropped over the mass flow, s.
+        drop_s: dropped mass over mass flow, s.
     """
 
     environment: NDArray[Any]
@@ -75,14 +76,14 @@ class Heating(NamedTuple):
 
 
 class TwoParts(NamedTuple):
-    """A flight in two parts.
+    """Hold a flight in two parts.
 
     Attributes:
         parts: shape (2,), dtype PART.
         before: dtype BURN: burns of part one.
-        after: shape (1,), dtype BURN: that of part two.
+        after: shape (1,), dtype BURN: burn of part two.
         heating: limit and plane.
-        moments: shape (POWERS,), scratch.
+        moments: shape (POWERS,), work space.
     """
 
     parts: NDArray[Any]
@@ -96,7 +97,7 @@ class TwoParts(NamedTuple):
 def log_heating_over_limit(
     radius: float, speed: float, sine: float, range_angle: float, heating: Heating
 ) -> float:
-    """Logarithm of free molecular heating over its limit."""
+    """Return the log of the ratio of free molecular heating to its limit."""
     r, v = place(radius, speed, sine, range_angle, 0.0, heating.plane)
     rate = heating_rate(r, v, heating.environment[0], heating.atmosphere)
     return math.log(rate / heating.limit)
@@ -104,7 +105,7 @@ def log_heating_over_limit(
 
 @kernel
 def _node_state(burn: Record, x: float, work: Array) -> tuple[float, float, float, float]:
-    """Radius, speed, sin(gamma), range angle by the polynomials through the nodes."""
+    """Return radius, speed, sin(gamma), range angle by the polynomials through the nodes."""
     n = burn.nodes
     through_nodes(burn.radius, n, work)
     radius = polynomial(work, n, x)
@@ -124,11 +125,11 @@ def _level(burn: Record, x: float, heating: Heating, work: Array) -> float:
 
 @allocating
 def first_within_limit(burn: Record, heating: Heating) -> tuple[float, float]:
-    """Where a shaped burn first meets the heating limit.
+    """Find the first point of a burn within the heating limit.
 
     Returns:
-        fraction of the burn, and log of heating over limit there; where it is least if the
-        limit is never met.
+        fraction of the burn, and log of heating over limit at that point; those of the least
+        heating if the limit is never met.
     """
     work = np.empty(MAX_NODES)
     least = math.inf
@@ -155,7 +156,7 @@ def first_within_limit(burn: Record, heating: Heating) -> tuple[float, float]:
 
 @kernel
 def _fly(flight: TwoParts, x: Array, time: float, changed_before: bool, f: Array) -> bool:
-    """Both parts for given unknowns, and what they miss: heating, radius, speed, gamma."""
+    """Fly both parts for given unknowns; write the errors in heating, radius, speed, gamma."""
     parts, before, after, heating, moments = flight
     first = parts[0]
     second = parts[1]
@@ -194,12 +195,12 @@ def _size(f: Array) -> float:
 
 @allocating
 def _differences(flight: TwoParts, x: Array, time: float, f: Array, jacobian: Array) -> bool:
-    """Columns of the unknowns and, the last one, of the time to the jettison."""
+    """Compute the Jacobian by differences; its last column is by the time to the jettison."""
     shifted = np.empty(_UNKNOWNS)
     trial = np.empty(_UNKNOWNS)
     for i in range(_UNKNOWNS):
         trial[i] = x[i]
-    # part two alone as long as part one stands
+    # columns 3 and 2 change part two only
     for j in (3, 2, 1, 0):
         shift = _TIME_SHIFT if j == 3 else _SHIFT
         trial[j] = x[j] + shift
@@ -217,8 +218,8 @@ def _differences(flight: TwoParts, x: Array, time: float, f: Array, jacobian: Ar
 
 
 @allocating
-def _meet(flight: TwoParts, x: Array, time: float, slope: Array) -> bool:
-    """Newton on the flight with its jettison at a given time; dx/dtime into ``slope``."""
+def _solve_at_time(flight: TwoParts, x: Array, time: float, slope: Array) -> bool:
+    """Solve by Newton's method for a given time to the jettison; write dx/dtime to ``slope``."""
     f = np.empty(_UNKNOWNS)
     step = np.empty(_UNKNOWNS)
     jacobian = np.empty((_UNKNOWNS, _UNKNOWNS + 1))
@@ -254,10 +255,10 @@ def _meet(flight: TwoParts, x: Array, time: float, slope: Array) -> bool:
 
 
 @allocating
-def _take_over(
+def _set_unknowns(
     whole: Record, burns: NDArray[Any], fraction: float, parts: NDArray[Any], x: Array
 ) -> float:
-    """Unknowns of the flight in two parts from that with one law; returns the jettison's time."""
+    """Set the unknowns from the flight with one law; return the time to the jettison."""
     last = burns[whole.burns - 1]
     work = np.empty(MAX_NODES)
     radius, speed, sine, range_angle = _node_state(last, fraction, work)
@@ -282,10 +283,10 @@ def _take_over(
 
 @allocating
 def _shortest(flight: TwoParts, x: Array, time: float, slope: Array) -> tuple[float, int]:
-    """Secant on d(cut-off time)/d(time to the jettison) = 0, never to a later cut-off.
+    """Minimise the cut-off time over the time to the jettison by the secant method.
 
     Returns:
-        time to the jettison, and the number of flights that met the limit.
+        time to the jettison, s, and the number of flights within the limit.
     """
     trial = np.empty(_UNKNOWNS)
     gradient = 1.0 + slope[3]
@@ -297,11 +298,11 @@ def _shortest(flight: TwoParts, x: Array, time: float, slope: Array) -> tuple[fl
         for i in range(_UNKNOWNS):
             trial[i] = x[i] + slope[i] * (later - time)
         kept = slope[3]
-        met = _meet(flight, trial, later, slope)
+        met = _solve_at_time(flight, trial, later, slope)
         if not met or later + trial[3] > time + x[3] + _TIME_ROUNDING:
             halvings += 1
             step *= 0.5
-            _meet(flight, x, time, slope)
+            _solve_at_time(flight, x, time, slope)
             continue
         count += 1
         moved = later - time
@@ -330,22 +331,22 @@ def find_target(
     after: NDArray[Any],
     heating: Heating,
 ) -> tuple[int, int, float]:
-    """Search for the jettison on the shortest flight.
+    """Find the jettison of the shortest flight.
 
-    It starts where the flight with one steering law to cut-off meets the limit, and stays there
-    if no other flight is within reach (a few seconds before the jettison).
+    The search starts at the point where the flight with one steering law to cut-off first meets the
+    limit, and returns it if no other flight is found.
 
     Args:
         whole: dtype PART: start to target as one part.
-        whole_burns: dtype BURN: its burns, the last one without what is dropped.
+        whole_burns: dtype BURN: its burns, the last one without the dropped mass.
         parts: shape (2,), dtype PART; the first one's target and time to go are written.
         before: dtype BURN: burns of part one.
-        after: shape (1,), dtype BURN: that of part two.
+        after: shape (1,), dtype BURN: burn of part two.
         heating: limit and plane.
 
     Returns:
-        how it ended; the number of flights in two parts that met the limit; log of heating over
-        limit where the single-law flight first meets it, or comes nearest to it.
+        status; number of flights in two parts within the limit; log of heating over limit at the
+        first point of the single-law flight within it, or at its least heating.
     """
     guess_angles(whole, whole_burns, False)
     if not iterate(whole, whole_burns):
@@ -353,7 +354,7 @@ def find_target(
     fraction, level = first_within_limit(whole_burns[whole.burns - 1], heating)
     x = np.empty(_UNKNOWNS)
     slope = np.empty(_UNKNOWNS)
-    time = _take_over(whole, whole_burns, fraction, parts, x)
+    time = _set_unknowns(whole, whole_burns, fraction, parts, x)
     first = parts[0]
     first.time_to_go = time
     if time == 0.0 and level <= 0.0:
@@ -363,7 +364,7 @@ def find_target(
     for i in range(_UNKNOWNS):
         single[i] = x[i]
     flight = TwoParts(parts, before, after, heating, np.empty(POWERS))
-    if _meet(flight, x, time, slope):
+    if _solve_at_time(flight, x, time, slope):
         time, count = _shortest(flight, x, time, slope)
     elif level > 0.0:
         return TOO_HOT, 0, level

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a figure of the target is worth, from the costates at cut-off."""
+"""Compute sensitivities to the elements of a target from the costates at cut-off."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,17 @@ Array = NDArray[np.float64]
 _STEPS = np.array([10.0] * 3 + [1e-2] * 3)
 
 
-def target_worth(target: Record, mu: float, state: Array, costate: Array) -> Array:
-    """Write the costates at cut-off in the gradients of the figures that a target asks for.
+def target_sensitivities(target: Record, mu: float, state: Array, costate: Array) -> Array:
+    """Write the costates at cut-off as a combination of the elements' gradients.
 
     Args:
         target: record TARGET.
         mu: m3/s2.
         state: position m and velocity m/s at cut-off, shape (6,).
-        costate: by them, shape (6,).
+        costate: by these, shape (6,).
 
     Returns:
-        costate per unit of each figure of :func:`targets.target_rows`.
+        coefficient per unit of each row of :func:`targets.target_rows`.
     """
     rows = target_rows(target)
     gradient = np.zeros((len(rows), 6))
@@ -36,5 +36,5 @@ def target_worth(target: Record, mu: float, state: Array, costate: Array) -> Arr
             if row.turn:
                 change = half_turn(change)
             gradient[i, k] = change / (2.0 * _STEPS[k])
-    # scaled so that position and velocity weigh alike
+    # scaled to give position and velocity equal weight
     return np.asarray(np.linalg.lstsq((gradient * _STEPS).T, costate * _STEPS, rcond=None)[0])
