@@ -99,7 +99,7 @@ def test_package_xml_lists_what_the_modules_import(package):
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
 def test_package_xml_lists_what_the_tests_import(package):
     tests = modules_for_tests(package)
-    # what tries the packages needs them: a word of it in them would be a circle for colcon
+    # it depends on all packages: colcon would find a circle if they named it
     helpers = {path.stem for path in tests} | ({"ares_trials"} - {package.name})
     needed = set().union(*(keys(imported(test) - helpers, package.name) for test in tests))
     assert needed <= declared(package, "depend", "exec_depend", "test_depend")

@@ -33,7 +33,7 @@ setup(
         "rich>=13.7",
         "typer>=0.12",
     ],
-    # aids of tests (`testing/`) need pytest too
+    # the test helpers in `testing/` need pytest too
     extras_require={"test": ["pytest"]},
     zip_safe=False,
     entry_points={"ares_bringup.verbs": ["faults = ares_trials.faults.verb:faults"]},

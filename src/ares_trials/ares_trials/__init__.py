@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Try the product: faults in flights, every input, restarts, vehicles that nobody built."""
+"""Try the product: faults in flights, every input, restarts, random vehicles."""

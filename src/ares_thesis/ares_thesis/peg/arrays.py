@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and memory of law `peg_thesis`."""
+"""Define the constants and the memory of law `peg_thesis`."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from ares_models.arrays import ARC, TARGET
 #: `law` of GuidanceStatus.
 LAW_PEG_THESIS = 2
 
-#: The plane that modes 1 and 2 hold: that in which each begins, that of the start, none.
+#: Plane constraint of modes 1 and 2: the plane at the start of each mode, that of the flight, none.
 PLANE_OF_MODE = 0
 PLANE_OF_FLIGHT = 1
 PLANE_FREE = 2

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Aids of tests and benchmarks; nothing else uses them."""
+"""Help tests and benchmarks; nothing else uses this package."""
