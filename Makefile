@@ -35,7 +35,7 @@ coverage: ## every test, and which lines none of them runs; twice as slow
 	@./ares exec pytest -m "trial or not trial" --cov --numprocesses=2 --dist=worksteal $(FLAGS)
 
 sweep: ## every input made from the schemas, everything done with each; an hour
-	@./ares exec python -m ares_bringup.sweep
+	@./ares exec python -m ares_trials.sweep
 
 TARGET = mission files
 atheris: ## coverage-guided hostile input for TARGET="mission files", until interrupted

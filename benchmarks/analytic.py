@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.table import Table
 
 from ares_models.mission import Mission, load_mission
-from ares_optimizer.analytic.options import JETTISON_TARGETS, PROFILES, AnalyticOptions
-from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
+from ares_thesis.analytic.options import JETTISON_TARGETS, PROFILES, AnalyticOptions
+from ares_thesis.analytic.solve import solve_analytic
 
 
 def analytic(mission: Mission, options: AnalyticOptions, optimum: Solution) -> Solution:

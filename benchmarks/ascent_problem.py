@@ -16,9 +16,10 @@ from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.direct.kernels.problem import Problem
-from ares_optimizer.direct.search import Guess, guess_variables, thesis_guess
+from ares_optimizer.direct.search import Guess, guess_variables
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.solve import solve
+from ares_thesis.guess import thesis_guess
 
 Array = NDArray[np.float64]
 

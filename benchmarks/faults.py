@@ -7,8 +7,8 @@ import sys
 
 from figures import RESULTS, Figures, keep_option
 
-from ares_bringup.faults.campaign import SUMS, as_object, fly_all, spread
-from ares_bringup.faults.rows import ROWS
+from ares_trials.faults.campaign import SUMS, as_object, fly_all, spread
+from ares_trials.faults.rows import ROWS
 
 
 def tell(trial: object) -> None:

@@ -22,7 +22,7 @@ from ares_optimizer.plan import DEEPEST, last_begin, length_bounds, spent, with_
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
-from ares_studies.random_vehicles import random_coasting_mission
+from ares_trials.random_vehicles import random_coasting_mission
 
 #: s; the longest coast of the grid, and points along one.
 LONGEST = 2600.0

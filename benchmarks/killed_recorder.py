@@ -16,10 +16,10 @@ from random import Random
 
 from figures import Figures, keep_option
 
-from ares_bags.killed import PROMISE, Killed, killed_recording
 from ares_bringup.discovery import apply_discovery_settings
 from ares_node.domains import claimed_domain
-from ares_node.testing import ros_context_on
+from ares_trials.killed import PROMISE, Killed, killed_recording
+from ares_trials.testing.ros import ros_context_on
 
 
 def trial(domain: int, seed: int, number: int) -> Killed:

@@ -11,9 +11,9 @@ from typing import Any
 from figures import RESULTS, Figures, keep_option
 from rclpy.node import Node
 
-from ares_bringup.faults.link import LOOK_PERIOD, Link, LinkOptions
-from ares_bringup.faults.scene import PATIENCE, Scene
 from ares_bringup.keeper import SIMULATOR
+from ares_trials.faults.link import LOOK_PERIOD, Link, LinkOptions
+from ares_trials.faults.scene import PATIENCE, Scene
 
 LAWS = ("peg", "igm", "optimal")
 #: One way, s of flight time.

@@ -30,8 +30,8 @@ import yaml
 from figures import Figures, keep_option
 
 from ares_bags.verify import verify
-from ares_bringup.testing import short_burn
 from ares_node.domains import claimed_domain
+from ares_trials.testing.flights import short_burn
 
 LAUNCHER = "launcher"
 NODES = ("vehicle_sim", "guidance", "optimizer", "recorder", "judge", "view", "live")

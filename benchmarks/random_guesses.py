@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from ascent_problem import Array, Ascent, load_ascent
 
-from ares_optimizer.direct.search import Guess, thesis_guess
+from ares_optimizer.direct.search import Guess
 from ares_optimizer.solve import solve
+from ares_thesis.guess import thesis_guess
 
 AGREEMENT_KG = 1.0
 

@@ -22,7 +22,7 @@ from ares_models.judge import End
 from ares_models.mission import Mission
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
-from ares_studies.random_vehicles import random_coasting_mission, random_mission
+from ares_trials.random_vehicles import random_coasting_mission, random_mission
 
 KEPT = Path(__file__).parent / "results" / "random_missions.json"
 KINDS: dict[str, Callable[[int], Mission]] = {

@@ -3,7 +3,7 @@
 
     ./ares exec python benchmarks/restarts.py [--times N] [--planned N] [--away S ...] [--keep]
 
-In one process, without the nodes (`ares_studies.restarts`): at `--times` times over the whole
+In one process, without the nodes (`ares_trials.restarts`): at `--times` times over the whole
 flight, and after each of its events. A law that needs a plan requests one at each, which takes
 seconds: for such missions `--planned` times are tried.
 """
@@ -15,7 +15,7 @@ from figures import Figures, keep_option
 from ares_guidance.law import needs_plan
 from ares_guidance.registry import law_names
 from ares_models.mission import list_missions, load_mission
-from ares_studies.restarts import Restarted, Restarts
+from ares_trials.restarts import Restarted, Restarts
 
 #: s to the cut-off from which on a flight should arrive.
 ENOUGH = 30.0

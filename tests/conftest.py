@@ -18,14 +18,14 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_bringup.commands.cli import main
-from ares_bringup.commands.reproduce import PAGE
 from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.heartbeat import is_heartbeat
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
-from ares_node.testing import own_words, ros_context, ros_domain, ros_environment, spin_until
-from ares_studies.pages.testing import SIZES
+from ares_thesis.commands.reproduce import PAGE
+from ares_trials.testing.pages import SIZES
+from ares_trials.testing.ros import own_words, ros_context, ros_domain, ros_environment, spin_until
 
 __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
 

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from ares_bringup.sweep.attempts import MISSION, WARNING
-from ares_bringup.sweep.inputs import to_yaml
-from ares_bringup.sweep.plan import bases
+from ares_trials.sweep.attempts import MISSION, WARNING
+from ares_trials.sweep.inputs import to_yaml
+from ares_trials.sweep.plan import bases
 
 #: s, of a command that computes; the machine may be busy.
 AT_ONCE = 30.0

@@ -19,10 +19,10 @@ from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.schema import qos_text
 from ares_bags.survey import CHUNK_HEAD, HEAD, chunk_content, chunk_records
-from ares_bags.testing import CUSTOM_DATA, write_bag
 from ares_bags.verify import surveyed, verify
 from ares_bringup.commands.cli import main
-from ares_node.testing import own_words
+from ares_trials.testing.bags import CUSTOM_DATA, write_bag
+from ares_trials.testing.ros import own_words
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-import ares_bringup.commands.reproduce as verb
+import ares_thesis.commands.reproduce as verb
 from ares_bringup.commands.cli import main
 
 

@@ -15,11 +15,11 @@ import yaml
 from ares_bringup import __version__, usage
 from ares_bringup.commands.cli import main
 from ares_bringup.options import MAX_FLIGHTS, HeatingSource
-from ares_bringup.testing import short_burn
 from ares_guidance.law import HEATING_SOURCES
 from ares_guidance.laws import self_starting_laws
 from ares_guidance.registry import law_names
-from ares_node.testing import own_words
+from ares_trials.testing.flights import short_burn
+from ares_trials.testing.ros import own_words
 from ares_vehicle_sim.node import PARAMETERS
 
 

@@ -21,10 +21,10 @@ from pyproj import Transformer
 
 from ares_bringup.commands.cli import main
 from ares_bringup.recorded import read_flight
-from ares_bringup.testing import short_burn
 from ares_models.mission import load_mission
 from ares_studies.export.globes import NO_EPOCH
 from ares_studies.export.tables import PLAIN, unit_of
+from ares_trials.testing.flights import short_burn
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 EVENTS = [

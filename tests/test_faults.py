@@ -13,18 +13,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ares_bringup.commands import interrupts
 from ares_bringup.commands.cli import main
-from ares_bringup.faults import tampering
-from ares_bringup.faults.campaign import as_object, chosen, spread
-from ares_bringup.faults.control import Control
-from ares_bringup.faults.rows import ROWS
-from ares_bringup.faults.scene import MARK, FlightResult, marked
-from ares_bringup.faults.signals import slowed
-from ares_bringup.faults.trial import Class, Trial, judge, run
 from ares_bringup.held import shared_memory
 from ares_bringup.keeper import Keeper
 from ares_bringup.options import CannotStart
-from ares_node.testing import own_words
+from ares_trials.faults import campaign, tampering
+from ares_trials.faults.campaign import as_object, chosen, spread
+from ares_trials.faults.control import Control
+from ares_trials.faults.rows import ROWS
+from ares_trials.faults.scene import MARK, FlightResult, marked
+from ares_trials.faults.signals import slowed
+from ares_trials.faults.trial import Class, Trial, judge, run
+from ares_trials.testing.ros import own_words
 
 CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=174117.5)
 
@@ -204,3 +205,18 @@ def test_the_pages_hold_what_was_kept():
     assert all(row["mass_kg"] > 0.0 and row["outcome"] for row in links["rows"])
     # each row that there is was tried
     assert {line["row"] for line in reliability["rows"]} == {row.name for row in ROWS}
+
+
+def test_faults_say_how_many_were_flown(monkeypatch, capfd):
+    def fly_three(tasks, seed, _workers, done):
+        for name, number in tasks[:3]:
+            done(campaign.Trial(name, seed, number, campaign.Class.SURVIVED.value))
+        raise interrupts.Interrupted
+
+    monkeypatch.setattr(interrupts, "GRACE", interrupts.GRACE)
+    monkeypatch.setattr(interrupts, "_told", [])
+    monkeypatch.setattr(campaign, "fly_all", fly_three)
+    assert campaign.faults(8, 1, (), 1, False) == 130
+    assert capfd.readouterr() == ("", "ares: interrupted; 3 of 8 faults were flown, none is kept\n")
+    # its flights are ended by then
+    assert interrupts.GRACE >= campaign.CLOSE_TIMEOUT

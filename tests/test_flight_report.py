@@ -13,12 +13,12 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from ares_bags.reader import open_bag
-from ares_bags.testing import nav_state, topics, write_bag
 from ares_bags.writer import BagWriter
 from ares_bringup.commands.cli import main
 from ares_bringup.commands.report import short_names
 from ares_bringup.recorded import read_flight
-from ares_studies.pages.testing import FIGURES
+from ares_trials.testing.bags import nav_state, topics, write_bag
+from ares_trials.testing.pages import FIGURES
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 

@@ -16,7 +16,7 @@ import yaml
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
-from ares_bringup.testing import short_burn
+from ares_trials.testing.flights import short_burn
 
 #: Speed in m/s that the one burn of each mission adds: 60 to 160 s of flight.
 MISSIONS = {"short": 180.0, "longer": 330.0, "longest": 480.0}

@@ -12,8 +12,8 @@ import yaml
 from ares_bags.reader import open_bag
 from ares_bags.writer import SIMULATOR_KEY, BagWriter
 from ares_bringup.recorded import read_flight
-from ares_bringup.testing import short_burn
 from ares_models.mission import load_mission
+from ares_trials.testing.flights import short_burn
 
 READERS = (
     ("report",),

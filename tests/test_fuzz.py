@@ -20,7 +20,6 @@ from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.schema import load_yaml
-from ares_bags.testing import messages, write_bag
 from ares_bags.types import message_class
 from ares_bags.verify import surveyed, verify
 from ares_bags.writer import BagWriter
@@ -39,6 +38,7 @@ from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, MEMBERS
 from ares_node.states import StateMessage, Unreadable
 from ares_node.time import stamp_from_seconds
 from ares_optimizer.messages import Answers
+from ares_trials.testing.bags import messages, write_bag
 from ares_vehicle_sim.dispersions import DispersionsError, load_dispersions
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import CommandRefused, Simulator

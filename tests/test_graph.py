@@ -23,9 +23,9 @@ from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import FLIGHT, reliable
 from ares_node.states import StateMessage
-from ares_node.testing import ros_context_on
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.node import OptimizerNode
+from ares_trials.testing.ros import ros_context_on
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 

@@ -12,13 +12,13 @@ from typing import Annotated, Literal, get_args, get_origin
 
 import pytest
 
-from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
-from ares_bringup.sweep.inputs import all_keys, inputs, to_yaml, used_keys
-from ares_bringup.sweep.plan import all_inputs, bases, each_once, tasks, warm_up
-from ares_bringup.sweep.pool import Task, Worker, attempt_all
 from ares_models.mission import Mission
 from ares_models.mission_parts import Part
 from ares_models.ranges import Range
+from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
+from ares_trials.sweep.inputs import all_keys, inputs, to_yaml, used_keys
+from ares_trials.sweep.plan import all_inputs, bases, each_once, tasks, warm_up
+from ares_trials.sweep.pool import Task, Worker, attempt_all
 from ares_vehicle_sim.dispersions import Dispersions, SpreadRange
 
 DOCS = Path(__file__).parent.parent / "docs"

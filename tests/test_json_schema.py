@@ -9,10 +9,10 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
-from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
-from ares_bringup.sweep.plan import all_inputs, bases, each_once
 from ares_models.json_schema import json_schema
 from ares_models.mission import Mission
+from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
+from ares_trials.sweep.plan import all_inputs, bases, each_once
 from ares_vehicle_sim.dispersions import Dispersions
 
 MODELS = {MISSION: Mission, DISPERSIONS: Dispersions}

@@ -7,13 +7,13 @@ import yaml
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ares_bringup.faults.link import DelayLine, Link, LinkNode, LinkOptions
-from ares_bringup.faults.relay import GUIDANCE_ARGUMENTS, Relay
-from ares_bringup.testing import short_burn
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent, ThrustCommand
 from ares_node.qos import FLIGHT
 from ares_node.time import NANOSECONDS, ns_from_stamp
+from ares_trials.faults.link import DelayLine, Link, LinkNode, LinkOptions
+from ares_trials.faults.relay import GUIDANCE_ARGUMENTS, Relay
+from ares_trials.testing.flights import short_burn
 from ares_vehicle_sim.node import Deadlines, VehicleSimNode
 
 PERIOD_NS = NANOSECONDS // 10

@@ -11,10 +11,10 @@ from rclpy.parameter import Parameter
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
-from ares_bringup.testing import short_burn
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent
 from ares_node.membership import State
+from ares_trials.testing.flights import short_burn
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_view.live.node import LiveNode
 from ares_view.live.story import Seen

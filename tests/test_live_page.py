@@ -19,8 +19,8 @@ import yaml
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
-from ares_bringup.testing import short_burn
-from ares_studies.pages.testing import FIGURES, SIZES, THEMES, illegible
+from ares_trials.testing.flights import short_burn
+from ares_trials.testing.pages import FIGURES, SIZES, THEMES, illegible
 from ares_view.live.address import listen
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"

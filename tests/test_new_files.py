@@ -14,7 +14,7 @@ from ares_models.json_schema import json_schema
 from ares_models.mission import MISSION, TEMPLATE, Mission, list_missions, load_mission
 from ares_optimizer.solve import solve
 from ares_studies.montecarlo.flights import FlightRange, Settings
-from ares_studies.random_vehicles import fly_as_planned
+from ares_trials.random_vehicles import fly_as_planned
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.proposal import propose
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ares_bringup.commands.cli import main
-from ares_studies.pages.testing import illegible
+from ares_trials.testing.pages import illegible
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 OPTIMALITY = [

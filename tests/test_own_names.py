@@ -12,8 +12,8 @@ from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
 from ares_bringup.recorded import read_flight
-from ares_bringup.testing import short_burn
 from ares_node.qos import reliable
+from ares_trials.testing.flights import short_burn
 
 NAMESPACES = ("east", "west")
 #: By their names without the namespace.

@@ -6,7 +6,7 @@ What is on a page is tested beside what makes it; the live page in test_live_pag
 
 import pytest
 
-from ares_studies.pages.testing import FIGURES, illegible
+from ares_trials.testing.pages import FIGURES, illegible
 
 PAGES = ("page_of_one", "page_of_two", "page_of_many", "page_of_map", "page_of_thesis")
 

@@ -13,7 +13,6 @@ from rclpy.node import Node
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.summary import FlightSummary, facts_of
 from ares_guidance.node import GuidanceNode
-from ares_guidance.testing import RESTART
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
@@ -21,6 +20,7 @@ from ares_node.qos import FLIGHT
 from ares_optimizer.messages import Answers
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import offline_trajectory
+from ares_trials.testing.laws import RESTART
 from ares_vehicle_sim.node import VehicleSimNode
 
 Response = SolveTrajectory.Response

@@ -7,8 +7,8 @@ from functools import partial
 
 import pytest
 
-from ares_bringup.commands.reproduce import DATA, PAGE
-from ares_studies.pages.testing import FIGURES, LEAST_CONTRAST, SIZES, TEXTS
+from ares_thesis.commands.reproduce import DATA, PAGE
+from ares_trials.testing.pages import FIGURES, LEAST_CONTRAST, SIZES, TEXTS
 
 LEAST_TAP_PX = 44.0
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ares_models.mission import Mission
-from ares_studies.pages.testing import THEMES
+from ares_trials.testing.pages import THEMES
 from ares_vehicle_sim.dispersions import Dispersions
 
 ROOT = Path(__file__).parent.parent

@@ -19,10 +19,10 @@ import yaml
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
-from ares_bringup.testing import short_burn
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent
 from ares_node.membership import Role
+from ares_trials.testing.flights import short_burn
 from ares_vehicle_sim.node import VehicleSimNode
 
 FLY, IN_PROCESS, LAUNCH = "ares fly", "ares fly --in-process", "ros2 launch"

@@ -15,7 +15,7 @@ setup(
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={PACKAGE: ["*.xml", "*.json", "*/*.yaml", "py.typed"]},
+    package_data={PACKAGE: ["*.xml", "*.json", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

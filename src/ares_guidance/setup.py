@@ -33,7 +33,6 @@ setup(
             "igm = ares_guidance.laws.igm:LAW",
             "optimal = ares_guidance.laws.optimal:LAW",
             "peg = ares_guidance.law:PEG",
-            "peg_thesis = ares_guidance.laws.peg_thesis:LAW",
         ],
     },
 )

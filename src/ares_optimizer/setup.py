@@ -8,7 +8,7 @@ PACKAGE = "ares_optimizer"
 setup(
     name=PACKAGE,
     version="0.1.0",
-    description="Direct, indirect and analytic solutions of the optimal ascent.",
+    description="Direct and indirect solutions of the optimal ascent.",
     license="Apache-2.0",
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",

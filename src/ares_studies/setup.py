@@ -13,9 +13,7 @@ setup(
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={
-        PACKAGE: ["py.typed", "*/*.yaml", "*/*.html", "*/*.css", "*/*.js", "*/*.json", "*/*.md"]
-    },
+    package_data={PACKAGE: ["py.typed", "*/*.html", "*/*.css", "*/*.js", "*/*.json", "*/*.md"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -27,7 +25,6 @@ setup(
         "ares_optimizer",
         "ares_vehicle_sim",
         "numpy>=2.0",
-        "PyYAML>=6.0",
     ],
     extras_require={
         # campaigns, pages, pictures, tables; no flight needs them

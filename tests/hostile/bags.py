@@ -121,7 +121,7 @@ class DamagedBags(_Bag):
     share = 1.0
 
     def begin(self) -> None:
-        from ares_bags.testing import write_bag
+        from ares_trials.testing.bags import write_bag
 
         super().begin()
         original = write_bag(self._folder / "original" / "flight", 24, 8)
@@ -161,7 +161,7 @@ class ForgedBags(_Bag):
     share = 0.5
 
     def begin(self) -> None:
-        from ares_bags.testing import messages, topics
+        from ares_trials.testing.bags import messages, topics
 
         super().begin()
         self._topics = topics()

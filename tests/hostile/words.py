@@ -29,11 +29,11 @@ _WORK = (
     "ares_bringup.fly._fly_in_process",
     "ares_bringup.fly._fly_in_processes",
     "ares_bringup.commands.optimize.solve",
-    "ares_bringup.commands.analytic.solve_analytic",
+    "ares_thesis.commands.analytic.solve_analytic",
     "ares_bringup.commands.montecarlo.choose",
     "ares_bringup.commands.montecarlo._fly_alone",
     "ares_bringup.commands.aborts.MapMaker",
-    "ares_bringup.faults.campaign.fly_all",
+    "ares_trials.faults.campaign.fly_all",
     "ares_bringup.audience.follow",
     "os.execv",
 )

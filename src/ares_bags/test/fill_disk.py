@@ -13,9 +13,9 @@ from pathlib import Path
 
 from ares_bags.errors import BagError
 from ares_bags.reader import open_bag
-from ares_bags.testing import CUSTOM_DATA, messages, topics
 from ares_bags.verify import verify
 from ares_bags.writer import BagWriter
+from ares_trials.testing.bags import CUSTOM_DATA, messages, topics
 
 MESSAGES = list(messages(400))
 

@@ -6,8 +6,8 @@ import sys
 import time
 from pathlib import Path
 
-from ares_bags.testing import CUSTOM_DATA, messages, topics
 from ares_bags.writer import BagWriter
+from ares_trials.testing.bags import CUSTOM_DATA, messages, topics
 
 
 def main() -> None:

@@ -13,9 +13,9 @@ from rosbags.rosbag2 import Reader
 
 from ares_bags.errors import BagError
 from ares_bags.reader import open_bag
-from ares_bags.testing import CUSTOM_DATA, NAV, messages, topics, write_bag
 from ares_bags.verify import verify
 from ares_bags.writer import BagWriter
+from ares_trials.testing.bags import CUSTOM_DATA, NAV, messages, topics, write_bag
 
 FILL = Path(__file__).with_name("fill_disk.py")
 

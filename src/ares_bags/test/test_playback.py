@@ -18,7 +18,7 @@ from rclpy.context import Context
 from ares_bags.playback import Playback
 from ares_bags.reader import open_bag
 from ares_bags.replay import Extract, replay
-from ares_bags.testing import NAV, START_NS, write_bag
+from ares_trials.testing.bags import NAV, START_NS, write_bag
 
 
 class Clock:

@@ -13,7 +13,9 @@ from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import LOG_TIME, open_bag
 from ares_bags.schema import Topic
-from ares_bags.testing import (
+from ares_bags.writer import BagWriter
+from ares_node.time import stamp_from_ns
+from ares_trials.testing.bags import (
     CUSTOM_DATA,
     DIAGNOSTICS,
     EVENT,
@@ -25,8 +27,6 @@ from ares_bags.testing import (
     topics,
     write_bag,
 )
-from ares_bags.writer import BagWriter
-from ares_node.time import stamp_from_ns
 
 COUNT = 50
 

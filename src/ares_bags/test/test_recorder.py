@@ -33,7 +33,14 @@ from ares_bags.reader import LOG_TIME, open_bag
 from ares_bags.recorder import TYPES, RecorderNode, qos_of
 from ares_bags.repair import repair
 from ares_bags.schema import type_hash
-from ares_bags.testing import (
+from ares_bags.verify import verify
+from ares_bags.writer import DATE_KEY, MACHINE_KEY
+from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
+from ares_node.diagnostics import hardware_id
+from ares_node.identity import id_text
+from ares_node.membership import Membership, Role, State
+from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT
+from ares_trials.testing.bags import (
     DIAGNOSTICS,
     EVENT,
     FLIGHT_ID,
@@ -44,14 +51,7 @@ from ares_bags.testing import (
     recorded_so_far,
     report,
 )
-from ares_bags.verify import verify
-from ares_bags.writer import DATE_KEY, MACHINE_KEY
-from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
-from ares_node.diagnostics import hardware_id
-from ares_node.identity import id_text
-from ares_node.membership import Membership, Role, State
-from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT
-from ares_node.testing import own_words, spin_until
+from ares_trials.testing.ros import own_words, spin_until
 
 #: s; only a test that fails waits so long.
 PATIENCE_S = 120

@@ -16,7 +16,7 @@ from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
-from ares_bags.testing import CUSTOM_DATA, NAV, messages, write_bag
+from ares_trials.testing.bags import CUSTOM_DATA, NAV, messages, write_bag
 
 RECORD = Path(__file__).with_name("record_forever.py")
 

@@ -27,12 +27,12 @@ from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
 from ares_bags.replay import Extract, replay
 from ares_bags.schema import Topic
-from ares_bags.testing import EVENT, NAV, PERIOD_NS, START_NS, messages, topics, write_bag
 from ares_bags.writer import BagWriter
 from ares_msgs.msg import FlightEvent, NavState
 from ares_node.qos import FLIGHT
-from ares_node.testing import own_words, ros_context_on, spin_until
 from ares_node.time import ns_from_stamp
+from ares_trials.testing.bags import EVENT, NAV, PERIOD_NS, START_NS, messages, topics, write_bag
+from ares_trials.testing.ros import own_words, ros_context_on, spin_until
 
 COUNT = 60
 

@@ -16,7 +16,8 @@ from ares_bags.metadata import METADATA_FILE, write_metadata_file
 from ares_bags.reader import LOG_TIME, Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.schema import qos_text
-from ares_bags.testing import (
+from ares_bags.verify import verify
+from ares_trials.testing.bags import (
     DIAGNOSTICS,
     EVENT,
     NAV,
@@ -26,7 +27,6 @@ from ares_bags.testing import (
     topics,
     write_bag,
 )
-from ares_bags.verify import verify
 
 COUNT = 40
 #: When somebody recorded it, ns since 1970.

@@ -20,7 +20,9 @@ from ares_bags.metadata import METADATA_FILE, recorded_counts
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.schema import FOREVER_NS, type_hash
-from ares_bags.testing import (
+from ares_bags.verify import verify
+from ares_bags.writer import BagWriter
+from ares_trials.testing.bags import (
     CUSTOM_DATA,
     DIAGNOSTICS,
     EVENT,
@@ -30,8 +32,6 @@ from ares_bags.testing import (
     topics,
     write_bag,
 )
-from ares_bags.verify import verify
-from ares_bags.writer import BagWriter
 
 COUNT = 100
 

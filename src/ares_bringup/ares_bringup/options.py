@@ -64,20 +64,6 @@ class InitialGuess(StrEnum):
     ANALYTIC = "analytic"
 
 
-class Method(StrEnum):
-    """Name the methods of the off-line optimizer, as in `ares_optimizer.solve`."""
-
-    AUTO = "auto"
-    COLLOCATION = "collocation"
-    INDIRECT = "indirect"
-    CLOSED_FORM = "closed_form"
-    DIRECT11 = "direct11"
-    DIRECT14 = "direct14"
-    DIRECT20 = "direct20"
-    JUMP = "jump"
-    ANALYTIC = "analytic"
-
-
 class Maximize(StrEnum):
     """Name the objectives of `optimize` other than the mass at cut-off."""
 
@@ -85,7 +71,7 @@ class Maximize(StrEnum):
 
 
 class AnalyticProfile(StrEnum):
-    """Name the polynomials of method `analytic`, as in `ares_optimizer.analytic_options`."""
+    """Name the polynomials of method `analytic`, as in `ares_thesis.analytic.options`."""
 
     THESIS = "thesis"
     IMPROVED = "improved"

@@ -36,7 +36,7 @@ def answer(words: Sequence[str], also: Sequence[str] = ()) -> Answer | None:
 
     Args:
         words: the call without the program's name.
-        also: verbs of the caller that are no commands here.
+        also: further verbs of the caller.
 
     Returns:
         None if the verb must parse the call itself.
@@ -51,6 +51,8 @@ def answer(words: Sequence[str], also: Sequence[str] = ()) -> Answer | None:
             return Answer(0, command["help"])
         if word in commands:
             left.pop(0)
+        elif word in also and path == "ares":
+            return None
         elif "default" in command:
             word = command["default"]
         elif word.startswith("-") and len(word) > 1:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from ares_bringup.summary import MissionFacts
-from ares_bringup.testing import made_up_mission
-from ares_node.testing import ros_context, ros_domain
+from ares_trials.testing.flights import made_up_mission
+from ares_trials.testing.ros import ros_context, ros_domain
 
 __all__ = ["facts", "fake_nodes", "ros_context", "ros_domain"]
 

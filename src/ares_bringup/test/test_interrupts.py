@@ -249,7 +249,7 @@ def write(names: list[str]) -> None:
     time.sleep(600.0)
 
 
-cli.answer = lambda _words: None
+cli.answer = lambda *_: None
 sys.exit(cli.main(["write", *sys.argv[1:]]))
 """
 
@@ -263,24 +263,6 @@ def test_a_verb_says_what_is_kept(tmp_path, number, files, kept):
     status, out, err = interrupted(tmp_path, text, number, *files)
     assert (status, out, err) == (128 + number, "", f"ares: interrupted; {kept}\n")
     assert [name for name in files if not (tmp_path / name).exists()] == []
-
-
-def test_faults_say_how_many_were_flown(monkeypatch, capfd):
-    from ares_bringup.commands import interrupts
-    from ares_bringup.faults import campaign
-
-    def fly_three(tasks, seed, _workers, done):
-        for name, number in tasks[:3]:
-            done(campaign.Trial(name, seed, number, campaign.Class.SURVIVED.value))
-        raise interrupts.Interrupted
-
-    monkeypatch.setattr(interrupts, "GRACE", interrupts.GRACE)
-    monkeypatch.setattr(interrupts, "_told", [])
-    monkeypatch.setattr(campaign, "fly_all", fly_three)
-    assert campaign.faults(8, 1, (), 1, False) == 130
-    assert capfd.readouterr() == ("", "ares: interrupted; 3 of 8 faults were flown, none is kept\n")
-    # its flights are ended by then
-    assert interrupts.GRACE >= campaign.CLOSE_TIMEOUT
 
 
 def test_a_flight_that_had_not_begun_prints_no_summary(monkeypatch, capsys):

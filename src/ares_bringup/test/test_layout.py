@@ -15,7 +15,7 @@ from ares_bringup import watch
 from ares_bringup.fly import fly
 from ares_bringup.options import CannotStart, FlyOptions
 from ares_bringup.summary import Outcome
-from ares_node.testing import own_words
+from ares_trials.testing.ros import own_words
 
 
 @pytest.fixture
@@ -168,7 +168,7 @@ def test_an_interrupted_flight(flight, number):
 
 def test_a_killed_parent_leaves_nothing(fake_nodes, ros_domain, tmp_path):
     program = f"""
-from ares_bringup.testing import made_up_mission
+from ares_trials.testing.flights import made_up_mission
 from ares_bringup import fly as module
 from ares_bringup.options import FlyOptions
 module.mission_facts = lambda name: made_up_mission()

@@ -21,16 +21,6 @@ from ares_bringup.summary import (
     judgement,
     target_state,
 )
-from ares_bringup.testing import (
-    INCLINATION,
-    MU,
-    RADIUS,
-    SPEED,
-    flown,
-    good_flight,
-    made_up_event,
-    made_up_status,
-)
 from ares_models.arrays import (
     NAMES_APOGEE,
     NAMES_ARGUMENT_OF_PERIGEE,
@@ -43,6 +33,16 @@ from ares_models.arrays import (
 )
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements
+from ares_trials.testing.flights import (
+    INCLINATION,
+    MU,
+    RADIUS,
+    SPEED,
+    flown,
+    good_flight,
+    made_up_event,
+    made_up_status,
+)
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,

@@ -8,10 +8,10 @@ import pytest
 from ares_bringup.report import WIDTH, console
 from ares_bringup.summary import Status
 from ares_bringup.terminal import picture
-from ares_bringup.testing import RADIUS, SPEED, flown, made_up_status, state
 from ares_guidance.arrays import LAW_PEG
 from ares_msgs.msg import VehicleState
 from ares_node.time import stamp_from_ns
+from ares_trials.testing.flights import RADIUS, SPEED, flown, made_up_status, state
 
 
 def shown(summary, *, rate=2.0, silent=0.1, time_s=200.0):

@@ -21,7 +21,6 @@ from ares_optimizer.two_point.arrays import MAX_COLUMNS, OPTIONS, WORK
 MAX_SEGMENTS = 32
 
 LAW_PEG = 1
-LAW_PEG_THESIS = 2
 LAW_IGM = 3
 LAW_OPTIMAL = 4
 
@@ -56,10 +55,6 @@ MONITOR_JETTISON = 4
 MONITOR_DEPLETION = 8
 MONITOR_WORK = 16
 MONITOR_STEERING_RATE = 32
-
-PLANE_OF_MODE = 0
-PLANE_OF_FLIGHT = 1
-PLANE_FREE = 2
 
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
@@ -280,32 +275,6 @@ AVOID = np.dtype(
     align=True,
 )
 
-THESIS_MEMORY = np.dtype(
-    [
-        # the plan: the state at the jettison, and the burns up to it
-        ("planned", np.int64),  # 0: no plan, the law is plain PEG
-        ("target", TARGET),  # state at the jettison; its plane is set when a mode begins
-        ("part_two", np.float64),  # s from the jettison to cut-off
-        # m/s: start to staging, staging to jettison, jettison to cut-off
-        ("delta_v", np.float64, (3,)),
-        ("plane", np.int64),  # PLANE_*: plane constraint of modes 1 and 2
-        ("split_at_staging", np.int64),  # 0: mode 1 lasts to the jettison
-        ("early_rules", GUIDANCE_SETTINGS),  # settings of modes 1 and 2
-        ("late_rules", GUIDANCE_SETTINGS),  # settings of mode 3
-        ("early_arcs", ARC, (MAX_SEGMENTS,)),  # the mission's, without the last tail-off
-        # the flight
-        ("mode", np.int64),  # 1, 2, 3; 0: not begun
-        ("jettison_time", np.float64),  # predicted; nan: not yet
-        # last solution of the previous mode, flown on when the new mode finds none
-        ("fallback", np.int64),  # 1: valid
-        ("fallback_jettison_time", np.float64),
-        ("fallback_reference_time", np.float64),
-        ("fallback_direction", np.float64, (3,)),
-        ("fallback_direction_rate", np.float64, (3,)),
-    ],
-    align=True,
-)
-
 #: Number of unknowns: primer at the reference (3), its rate (3), time to go (1).
 TURN_UNKNOWNS = 7
 
@@ -502,13 +471,16 @@ GUIDANCE_STATE = np.dtype(
         ("segment_count", np.int64),
         ("turn", TURN_WORK),
         ("optimal", OPTIMAL_MEMORY),
-        ("thesis", THESIS_MEMORY),
         ("plan", PLAN),
         ("leg", LEG),
         ("avoid", AVOID),
     ],
     align=True,
 )
+
+
+#: `LawKind.memory` of a law that keeps nothing but GUIDANCE_STATE between states.
+NO_MEMORY = np.dtype([("none", np.int64)])
 
 
 class OnboardArrays(NamedTuple):
@@ -519,16 +491,19 @@ class OnboardArrays(NamedTuple):
         settings: shape (1,), dtype GUIDANCE_SETTINGS.
         state: shape (1,), dtype GUIDANCE_STATE; all zero before the first step.
         steering: shape (1,), dtype STEERING, the answer.
+        memory: shape (1,), of the law's own dtype; all zero before the first step, unless the
+            law puts a plan there.
     """
 
     navigation: NDArray[Any]
     settings: NDArray[Any]
     state: NDArray[Any]
     steering: NDArray[Any]
+    memory: NDArray[Any]
 
 
 class Onboard(NamedTuple):
-    """Hold the records of `OnboardArrays`, as kernels pass them on."""
+    """Hold the records of `OnboardArrays`, as kernels pass them on; the law's own memory apart."""
 
     navigation: Record
     settings: Record
@@ -536,11 +511,22 @@ class Onboard(NamedTuple):
     steering: Record
 
 
-def blank_onboard(settings: NDArray[Any]) -> OnboardArrays:
-    """Return the arrays of guidance before a flight: no memory, no answer."""
+def blank_onboard(settings: NDArray[Any], memory: np.dtype[Any] = NO_MEMORY) -> OnboardArrays:
+    """Return the arrays of guidance before a flight: no memory, no answer.
+
+    Args:
+        settings: shape (1,), dtype GUIDANCE_SETTINGS.
+        memory: dtype of the law's own memory.
+    """
     steering = np.zeros(1, STEERING)
     steering["cutoff_time"] = np.nan
     steering["jettison"] = -1
     steering["jettison_time"] = np.nan
     steering["arc_end_times"] = np.nan
-    return OnboardArrays(np.zeros(1, NAVIGATION), settings, np.zeros(1, GUIDANCE_STATE), steering)
+    return OnboardArrays(
+        np.zeros(1, NAVIGATION),
+        settings,
+        np.zeros(1, GUIDANCE_STATE),
+        steering,
+        np.zeros(1, memory),
+    )

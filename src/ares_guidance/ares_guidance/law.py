@@ -16,6 +16,7 @@ from ares_guidance.arrays import (
     HEATING_MODELLED,
     LAW_PEG,
     MAX_SEGMENTS,
+    NO_MEMORY,
     PHASE_CONVERGING,
     PHASE_IDLE,
     OnboardArrays,
@@ -203,11 +204,15 @@ class LawKind:
     Attributes:
         name: by which a user selects it.
         code: `law` of GuidanceStatus; 128 or more for laws of other packages.
-        step: kernel with the arguments of `kernels.cycle.guidance_step`.
+        step: kernel with the arguments of `kernels.cycle.guidance_step`; for a law with a memory of
+            its own, a record of it is the last argument.
         build: constructor of the law from arrays and settings; None: `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
         holds_attitude: it can aim burns in held attitude.
         meets_place: it can meet a target that names both argument of perigee and true anomaly.
+        memory: dtype of the law's own memory between navigation states, besides GUIDANCE_STATE.
+            It is zero at the start of a flight; when navigation is acquired anew, it stays and
+            the phase in GUIDANCE_STATE is PHASE_IDLE.
     """
 
     name: str
@@ -217,6 +222,7 @@ class LawKind:
     needs_trajectory: bool = False
     holds_attitude: bool = False
     meets_place: bool = False
+    memory: np.dtype[Any] = NO_MEMORY
 
 
 #: The law of the shared cycle without any replacement.
@@ -289,9 +295,10 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
 
 @cache
 def guarded(kind: LawKind) -> Callable[..., None]:
-    """Return the step of a law between navigation gate and monitors; arguments of `kind.step`."""
+    """Return the step of a law between navigation gate and monitors, a `guarded_step`."""
+    place = "guidance_step" if kind.memory == NO_MEMORY else "step_law"
     step: Callable[..., None] = specialised(
-        "ares_guidance.kernels.guarded", f"of_{kind.name}", guidance_step=kind.step
+        "ares_guidance.kernels.guarded", f"of_{kind.name}", **{place: kind.step}
     ).guarded_step
     return step
 
@@ -356,7 +363,7 @@ class Law:
 
     def _begin(self) -> None:
         """Initialize the arrays of guidance for a flight, with the plan."""
-        self.onboard = blank_onboard(self._settings)
+        self.onboard = blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays)[0]
 
@@ -436,6 +443,11 @@ class Law:
     def state(self) -> Any:
         """Return the guidance state, record GUIDANCE_STATE."""
         return self.onboard.state[0]
+
+    @property
+    def memory(self) -> Any:
+        """The law's own memory, a record."""
+        return self.onboard.memory[0]
 
     @property
     def steering(self) -> NDArray[np.void]:

@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 
 from ares_guidance.floor import burns_before_floors, check_floor, lowest_coast
 from ares_guidance.guess import OfflineTrajectory
-from ares_guidance.testing import RESTART
 from ares_models.arrays import COAST
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements
 from ares_models.tolerances import FLOOR_M
+from ares_trials.testing.laws import RESTART
 
 GROUND = 6.2e6
 MU = 3.986004418e14

@@ -19,10 +19,10 @@ from ares_guidance.arrays import (
 from ares_guidance.kernels.segments import thrust_integrals
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
-from ares_guidance.testing import first_navigation, step_anew
 from ares_models.kernels.targets import desired_state, plane_normal
 from ares_models.kernels.vectors import cross, load
 from ares_models.mission import list_missions, load_mission
+from ares_trials.testing.laws import first_navigation, step_anew
 
 
 def igm(mission, **settings):

@@ -14,8 +14,8 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
 )
 from ares_guidance.law import Law, LawSettings
-from ares_guidance.testing import first_navigation, step_anew
 from ares_models.mission import list_missions, load_mission
+from ares_trials.testing.laws import first_navigation, step_anew
 
 
 @pytest.fixture(scope="module")

@@ -58,7 +58,7 @@ def three_stage_plan(jettison_time=math.inf, **changes):
     onboard.state["solution"]["jettison_time"] = jettison_time
     blank = (np.zeros(1, ENVIRONMENT)[0], np.zeros((2, 5)))
     mission = MissionRecords(*blank, arcs, jettisons, np.zeros(1, TARGET)[0])
-    plan_segments(mission, Onboard(*(array[0] for array in onboard)))
+    plan_segments(mission, Onboard(*(array[0] for array in onboard[:4])))
     return arcs, jettisons, nav, onboard.state
 
 

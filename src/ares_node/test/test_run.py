@@ -19,7 +19,7 @@ from ares_node.diagnostics import Level
 from ares_node.node import FlightNode, NodeError
 from ares_node.qos import LOG, LOG_QOS
 from ares_node.run import StopSignals
-from ares_node.testing import own_words, spin_until
+from ares_trials.testing.ros import own_words, spin_until
 
 DEMO = Path(__file__).with_name("demo_node.py")
 

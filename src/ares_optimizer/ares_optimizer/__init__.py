@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optimise ascents off line: direct, indirect and analytic solutions."""
+"""Optimise ascents off line: direct and indirect solutions."""

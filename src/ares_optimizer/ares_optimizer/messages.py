@@ -25,7 +25,7 @@ from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.request import AUTO, COLLOCATION, INDIRECT_METHODS, METHODS
+from ares_optimizer.registry import AUTO, COLLOCATION, INDIRECT_METHODS, method_names
 from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
 from ares_optimizer.solve import solve
 
@@ -191,8 +191,8 @@ class Answers:
 
     def _serve(self, request: Any, response: Any, deadline: Deadline) -> None:
         method = request.method or self._method
-        if method not in METHODS:
-            expected = ", ".join(METHODS)
+        if method not in method_names():
+            expected = ", ".join(method_names())
             raise Refused(
                 Response.UNKNOWN_METHOD, f"method is {method!r}; expected one of {expected}"
             )

@@ -17,7 +17,7 @@ from ares_node.parameters import Parameter
 from ares_node.qos import OPTIMIZE_TRAJECTORY, SOLVE_TRAJECTORY
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.messages import LONGEST, Answers, Response, empty, feedback, refuse
-from ares_optimizer.request import METHODS
+from ares_optimizer.registry import method_names
 from ares_optimizer.worker import Job, Worker
 
 Result: Any = OptimizeTrajectory.Result
@@ -31,7 +31,7 @@ LAST_SEARCH = 1.0
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
-    Parameter("method", "auto", "Method of a request that names none.", choices=METHODS),
+    Parameter("method", "auto", "Method of a request that names none.", choices=method_names()),
     Parameter(
         "time_limit_s",
         5.0,

@@ -15,17 +15,6 @@ from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError
 
-DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
-INDIRECT_METHODS = ("indirect", "closed_form")
-ANALYTIC_METHOD = "analytic"
-COLLOCATION = "collocation"
-#: Method chosen by the mission.
-AUTO = "auto"
-#: Methods that plan burns in held attitude.
-HELD_METHODS = ("auto", "collocation", "indirect", "direct11", "direct14", "direct20")
-METHODS = (AUTO, COLLOCATION, *INDIRECT_METHODS, *DIRECT_METHODS, ANALYTIC_METHOD)
-
-
 #: Upper bounds of a start: s, m, m/s, kg; beyond any flight, far below overflow.
 MOST = {
     "time": 1e9,
@@ -54,7 +43,7 @@ class Request:
     Attributes:
         arrays: the mission.
         state: start, shape (1,), dtype NAVIGATION.
-        method: one of METHODS.
+        method: one of `registry.method_names`.
         guess: first guess in the form of the method; None: its built-in guesses.
         heating: where the heating limit holds.
         deadline: time limit.

@@ -30,7 +30,8 @@ from ares_optimizer.plan import (
     throttled_ahead,
     with_lengths,
 )
-from ares_optimizer.request import DIRECT_METHODS, Heating, Request
+from ares_optimizer.registry import DIRECT_METHODS
+from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import (
     Cause,
     OptimizerError,

@@ -12,7 +12,6 @@ from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
 from ares_models.floors import orbits_of
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
-from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.auto import solve_auto
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
@@ -20,6 +19,7 @@ from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
 from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
+from ares_optimizer.methods import find_method
 from ares_optimizer.plan import (
     free_arcs,
     held_ahead,
@@ -29,26 +29,21 @@ from ares_optimizer.plan import (
     with_lengths,
 )
 from ares_optimizer.proof.flight import flown_arcs
-from ares_optimizer.request import (
-    ANALYTIC_METHOD,
+from ares_optimizer.registry import (
     AUTO,
     COLLOCATION,
     HELD_METHODS,
     INDIRECT_METHODS,
     METHODS,
-    Heating,
-    Request,
-    arrays_and_state,
-    hold_jettisons,
+    method_names,
 )
+from ares_optimizer.request import Heating, Request, arrays_and_state, hold_jettisons
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
-    OUT_OF_TIME,
     OptimizerError,
     Solution,
     Status,
     UnfitMethod,
-    failed,
 )
 
 #: Without PASSIVE, which gives no optimum and serves for comparison.
@@ -71,11 +66,10 @@ def solve(
 
     Args:
         mission: the mission.
-        method: one of METHODS.
+        method: one of `registry.method_names`.
         guess: for the direct methods a :class:`Guess` or an earlier solution; for the
             indirect ones a guess of :func:`ares_optimizer.indirect.solve.solve_indirect` or a
-            solution of any method with costates; not for ``analytic``. None: the built-in
-            guesses.
+            solution of any method with costates. None: the built-in guesses.
         state: start, shape (1,), dtype NAVIGATION; None: that of the mission.
         heating: ``at_jettison``: the limit holds at the jettison of the fairing (the thesis);
             ``from_jettison``: from then on; ``ignored``: the fairing is dropped at ignition.
@@ -89,14 +83,15 @@ def solve(
             ``trajectory`` of the indirect methods is that of the solver.
 
     Returns:
-        the solution; ``converged`` only if every constraint is met (``analytic``: if its
-        iteration converged). ``solve_ms`` is the search alone.
+        the solution; ``converged`` only if every constraint is met; for an
+        approximation such as ``analytic``, if its iteration converged. ``solve_ms`` is the search
+        alone.
 
     Raises:
         OptimizerError: unknown method, bad guess or state.
     """
-    if method not in METHODS:
-        raise OptimizerError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
+    if method not in method_names():
+        raise OptimizerError(f"method is {method!r}; expected one of {', '.join(method_names())}")
     if heating is None:
         heating = mission.heating_limit_holds if isinstance(mission, Mission) else "at_jettison"
     if heating not in CHOICES:
@@ -115,8 +110,8 @@ def solve(
 
 
 def _solve(request: Request) -> Solution:
-    if request.method == ANALYTIC_METHOD:
-        return _solve_analytic(request)
+    if request.method not in METHODS:
+        return find_method(request.method).solve(request)
     if request.method in INDIRECT_METHODS:
         return solve_beside_rival(request)
     if request.method == AUTO:
@@ -144,7 +139,7 @@ def _check_arcs(request: Request) -> None:
         raise UnfitMethod(f"arc {arc}: it names its orbit, which is planned by auto or collocation")
     if not plans_arcs(request.arrays, request.state[0]):
         return
-    if request.method in (ANALYTIC_METHOD, "closed_form"):
+    if request.method == "closed_form" or request.method not in METHODS:
         raise UnfitMethod(f"{request.method} takes missions whose last arc alone is free")
     if (request.arrays.jettisons["criterion"] == MISSION_TIME).any():
         raise UnfitMethod("a jettison is held at a time; free arcs before the last do not take it")
@@ -188,15 +183,3 @@ def _with_arcs(request: Request, solution: Solution) -> Solution:
         return solution
     planned = with_lengths(request.arrays, start, np.array(solution.lengths_s))
     return replace(solution, flown=flown_arcs(planned, start, solution.t_meco_s))
-
-
-def _solve_analytic(request: Request) -> Solution:
-    if request.guess is not None:
-        raise OptimizerError(f"guess is a {type(request.guess).__name__}; analytic takes none")
-    if request.heating is not Heating.AT_JETTISON:
-        raise UnfitMethod(f"heating is {str(request.heating)!r}; analytic takes at_jettison")
-    if request.deadline.passed:
-        return failed(ANALYTIC_METHOD, OUT_OF_TIME)
-    return solve_analytic(
-        request.arrays, state=request.state, verify=request.verify, deadline=request.deadline
-    ).solution

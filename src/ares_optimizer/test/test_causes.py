@@ -19,7 +19,7 @@ def ares_v():
     return mission, mission.arrays(), mission.start().navigation()
 
 
-@pytest.mark.parametrize("method", ["direct11", "indirect", "analytic"])
+@pytest.mark.parametrize("method", ["direct11", "indirect"])
 def test_an_optimum_is_converged(ares_v, method):
     solution = solve(ares_v[0], method)
     assert solution.status is Status.CONVERGED
@@ -27,14 +27,14 @@ def test_an_optimum_is_converged(ares_v, method):
     assert solution.to_json()["converged"]
 
 
-@pytest.mark.parametrize("method", ["direct11", "indirect", "analytic"])
+@pytest.mark.parametrize("method", ["direct11", "indirect"])
 def test_no_time_is_a_time_limit(ares_v, method):
     solution = solve(ares_v[0], method, time_limit_s=0.0)
     assert solution.status is Status.TIME_LIMIT
     assert not solution.converged
 
 
-@pytest.mark.parametrize("method", ["direct11", "indirect", "analytic"])
+@pytest.mark.parametrize("method", ["direct11", "indirect"])
 def test_a_target_underground_is_infeasible(ares_v, method):
     _, arrays, start = ares_v
     target = arrays.target.copy()

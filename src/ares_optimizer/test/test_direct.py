@@ -10,7 +10,7 @@ import pytest
 from ares_models.arrays import ALTITUDE_SPHERICAL
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct.search import Guess, find_direct, thesis_guess
+from ares_optimizer.direct.search import Guess, find_direct
 from ares_optimizer.proof.physics import elements
 from ares_optimizer.solution import OUT_OF_TIME
 from ares_optimizer.solve import solve
@@ -109,14 +109,6 @@ def test_more_parameters_never_cost_mass(ares_v):
     assert found[0] <= found[1] + 1e-3
     assert found[1] <= found[2] + 1e-3
     assert found[2] - found[0] < 0.1
-
-
-@pytest.mark.parametrize("method", [*METHODS, "jump"])
-def test_from_the_guess_of_the_thesis(ares_v, method):
-    guess = thesis_guess(ares_v.start().navigation()[0])
-    assert guess.direction_rate == (1e-4,) * 3
-    solution = proven(solve(ares_v, method, guess=guess))
-    assert solution.m_f_kg == pytest.approx(174_183.1, abs=1.0)
 
 
 def random_guess(start, rng):

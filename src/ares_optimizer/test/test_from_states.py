@@ -10,7 +10,8 @@ from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.solver import TwoPointSolver, navigation
 from ares_optimizer.proof.flight import fly, steering_of
-from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, Heating, Request
+from ares_optimizer.registry import DIRECT_METHODS, INDIRECT_METHODS
+from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import ample_delta_v, beside_rival, find_rival
 from ares_optimizer.solution import OUT_OF_TIME, Cause, OptimizerError, Status, failed
 from ares_optimizer.solve import solve

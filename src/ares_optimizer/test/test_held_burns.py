@@ -14,7 +14,7 @@ from ares_optimizer.kernels.timetable import MAX_UNKNOWNS
 from ares_optimizer.plan import held_ahead
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
-from ares_optimizer.request import HELD_METHODS, METHODS
+from ares_optimizer.registry import HELD_METHODS, METHODS
 from ares_optimizer.solution import NOTHING_SAVED, Check, Status, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.two_point.kernels.guess import OwnStart

@@ -15,7 +15,7 @@ from ares_optimizer.direct.kernels.flight import BREAKS, STORED
 from ares_optimizer.direct.search import MOST_CUTS, own_starts, run, splits_for
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.indirect.solver import TwoPointSolver
-from ares_optimizer.request import METHODS
+from ares_optimizer.registry import METHODS
 from ares_optimizer.solution import OUT_OF_TIME, OptimizerError
 from ares_optimizer.solve import solve
 from ares_optimizer.two_point.kernels import newton
@@ -35,7 +35,7 @@ def with_long_coast(seconds):
 @pytest.mark.parametrize(
     "seconds", [1e5, 1e300, *(pytest.param(s, marks=pytest.mark.trial) for s in (4e3, 4e4, 1e9))]
 )
-@pytest.mark.parametrize("method", [name for name in METHODS if name != "analytic"])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_coast_of_any_length_is_answered(method, seconds):
     """Replay a coast of 1e5 s: 222 laws once overran 128 events."""
     arrays, start = with_long_coast(seconds)

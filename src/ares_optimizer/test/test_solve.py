@@ -10,7 +10,7 @@ import pytest
 from ares_models.mission import load_mission
 from ares_optimizer.direct.search import Guess
 from ares_optimizer.direct.solve import guess_from
-from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS
+from ares_optimizer.registry import DIRECT_METHODS, INDIRECT_METHODS
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve
 

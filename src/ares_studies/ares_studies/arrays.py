@@ -4,7 +4,7 @@
 from typing import NamedTuple
 
 from ares_guidance.arrays import Onboard, OnboardArrays
-from ares_models.arrays import MissionArrays, MissionRecords
+from ares_models.arrays import MissionArrays, MissionRecords, Record
 from ares_vehicle_sim.arrays import Vehicle, VehicleArrays
 
 
@@ -31,6 +31,7 @@ class Loop(NamedTuple):
     vehicle: Vehicle
     believed: MissionRecords
     onboard: Onboard
+    memory: Record
 
 
 def closed_loop(

@@ -22,6 +22,7 @@ def loop_records(loop: LoopArrays) -> Loop:
         vehicle_records(loop.vehicle),
         mission_records(loop.believed),
         onboard_records(loop.onboard),
+        loop.onboard.memory[0],
     )
 
 
@@ -36,7 +37,7 @@ def run(loop: Loop) -> None:
     period_ns = round(loop.vehicle.options.navigation_period * 1e9)
     tick = 0
     while plant.complete == 0:
-        guarded_step(loop.believed, loop.onboard)
+        guarded_step(loop.believed, loop.onboard, loop.memory)
         accept_command(plant, loop.onboard.steering)
         tick += 1
         flight_step(loop.true, loop.vehicle, (start_ns + tick * period_ns) / 1e9)

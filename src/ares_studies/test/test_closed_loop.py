@@ -10,7 +10,7 @@ from ares_guidance.law import LawSettings
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
-from ares_studies.testing import assert_within, errors
+from ares_trials.testing.arrivals import assert_within, errors
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrors
 from ares_vehicle_sim.simulator import SimulatorOptions

@@ -17,7 +17,7 @@ from ares_models.orbits import Elements
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.solution import Status
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import arc_plan, fly_compiled, offline_trajectory, ready_law
+from ares_studies.closed_loop import arc_plan, fly_compiled, ready_law
 from ares_vehicle_sim.dispersions import Dispersions
 
 LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
@@ -222,16 +222,6 @@ def test_short_of_propellant_the_perigee_is_kept(law):
     )
     assert orbit.perigee_radius == pytest.approx(EQUATOR + 185e3, abs=2e3)
     assert EQUATOR + 185e3 < orbit.apogee_radius < 0.9 * (EQUATOR + 35786e3)
-
-
-def test_the_thesis_law_flies_to_elements_with_an_inclination():
-    mission = aimed(**TARGETS["transfer"])
-    law = make_law("peg_thesis", mission.arrays(foreseen=True))
-    law.start_from(offline_trajectory(solve(mission, "indirect")))
-    met, result = judged(mission, fly_compiled(mission, law=law).plant)
-    assert met, result
-    with pytest.raises(ValueError, match="leaves the inclination free; law peg_thesis holds one"):
-        make_law("peg_thesis", aimed(**TRANSFER).arrays(foreseen=True))
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -8,9 +8,9 @@ import pytest
 
 from ares_guidance.arrays import PHASE_CUTOFF, PHASE_HOLD
 from ares_guidance.laws import make_law
-from ares_guidance.testing import step_anew
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import ready_law
+from ares_trials.testing.laws import step_anew
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator
 
 #: Ariane 5 ECA from booster separation, rounded public figures. The weak last stage meets its

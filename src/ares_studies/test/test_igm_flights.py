@@ -12,7 +12,7 @@ from ares_guidance.laws import make_law
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements, Insertion
 from ares_studies.closed_loop import Flight, fly_compiled, fly_stepwise, ready_law
-from ares_studies.testing import assert_within, errors
+from ares_trials.testing.arrivals import assert_within, errors
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrors
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions

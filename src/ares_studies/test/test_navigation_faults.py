@@ -23,7 +23,7 @@ from ares_guidance.laws import find_law, make_law
 from ares_models.mission import load_mission
 from ares_models.tolerances import FLIGHT_PATH_ANGLE_DEG, ORIENTATION_DEG, RADIUS_M, SPEED_M_S
 from ares_studies.closed_loop import Flight, arc_plan, fly_compiled, ready_law
-from ares_studies.testing import assert_within, errors
+from ares_trials.testing.arrivals import assert_within, errors
 from ares_vehicle_sim.simulator import Simulator
 
 TOLERANCES = [RADIUS_M, SPEED_M_S, FLIGHT_PATH_ANGLE_DEG, ORIENTATION_DEG]

@@ -14,7 +14,7 @@ from ares_vehicle_sim import arrays as names
 
 @pytest.fixture(scope="module")
 def mission():
-    with resources.as_file(resources.files("ares_bringup") / "sweep" / "solids.yaml") as path:
+    with resources.as_file(resources.files("ares_trials") / "sweep" / "solids.yaml") as path:
         return load_mission(path)
 
 

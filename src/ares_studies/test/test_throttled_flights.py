@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ares_guidance.laws import check_law, make_law
+from ares_guidance.laws import check_law
 from ares_models.mission import MISSION, load_mission
 from ares_studies.closed_loop import fly_compiled
 from ares_vehicle_sim.dispersions import Dispersions
@@ -88,6 +88,3 @@ def test_who_cannot_fly_it_is_refused_by_name(tmp_path):
     start = held.start().navigation()
     with pytest.raises(ValueError, match="law is 'igm', which flies no burn in held attitude; arc"):
         check_law("igm", held.arrays(foreseen=True), start)
-    throttled = mission_with(tmp_path, "core", THROTTLED["core"])
-    with pytest.raises(ValueError, match="has a throttled burn; law peg_thesis flies none"):
-        make_law("peg_thesis", throttled.arrays(foreseen=True))

@@ -5,9 +5,9 @@ import math
 
 import pytest
 
+from ares_trials.testing.craft import Craft
 from ares_vehicle_sim import arrays as names
 from ares_vehicle_sim.kernels.entry import advance, command
-from ares_vehicle_sim.testing import Craft
 
 COAST_ARC, BURN_ARC = 1, 2
 

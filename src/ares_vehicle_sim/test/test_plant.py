@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 from ares_models.arrays import LONGEST_FLIGHT, MISSION_TIME, TIME_AFTER_IGNITION
 from ares_models.kernels.thrust_curve import curve_area
+from ares_trials.testing.craft import MU, Craft
 from ares_vehicle_sim import arrays as names
 from ares_vehicle_sim.kernels.entry import advance, command
-from ares_vehicle_sim.testing import MU, Craft
 
 
 def test_rocket_equation_without_gravity():

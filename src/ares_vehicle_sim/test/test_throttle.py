@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from ares_trials.testing.craft import Craft
 from ares_vehicle_sim import arrays as names
 from ares_vehicle_sim.kernels.entry import advance, command, describe
-from ares_vehicle_sim.testing import Craft
 
 MASS, FLOW, VE = 300e3, 1250.0, 4000.0
 

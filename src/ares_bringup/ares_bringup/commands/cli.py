@@ -14,7 +14,8 @@ from ares_bringup.usage import answer
 
 # registered in the order of the help
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
-from ares_bringup.verbs.app import BadInput, app, one_line
+from ares_bringup.verbs.app import VERBS, BadInput, add_registered_verbs, app, one_line
+from ares_models.registry import registered
 from ares_node.entry import OutputError
 
 __all__ = ["app", "main"]
@@ -31,6 +32,8 @@ _EXPECTED = {
     "less_than_equal": "at most {le}",
 }
 _CHOICE = " is not one of "
+
+add_registered_verbs()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -55,7 +58,7 @@ def _run(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     try:
         # help comes from the library, since it lists the installed laws
-        if (said := answer(words)) and said.refusal:
+        if (said := answer(words, tuple(registered(VERBS)))) and said.refusal:
             print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
             return said.status
         status = app(args=words, prog_name="ares", standalone_mode=False)

@@ -6,6 +6,7 @@ Imports of a single verb are made in that verb, so that the command line starts 
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +23,7 @@ from ares_bringup.options import (
     has_display,
 )
 from ares_guidance.registry import law_names
+from ares_models.registry import registered
 from ares_node.requirements import unmet
 
 #: Start of the command, s of time.monotonic().
@@ -59,6 +61,9 @@ SETTINGS: dict[str, Any] = {
     "pretty_exceptions_enable": False,
     "add_completion": False,
 }
+
+#: Entry points of this group are verbs.
+VERBS = "ares_bringup.verbs"
 
 LAWS_HELP = f"Guidance law: {', '.join(law_names())}, or one of your own."
 MissionOption = Annotated[
@@ -149,6 +154,26 @@ def _ares(
     ] = False,
 ) -> None:
     """Accept the options before the verb."""
+
+
+def add_registered_verbs() -> None:
+    """Take up the verbs that other packages register: `name = module:function`.
+
+    One that cannot be imported says so, in one line, where it is called.
+    """
+    for name, entry in sorted(registered(VERBS).items()):
+        try:
+            verb = entry.load()
+        except (ImportError, AttributeError) as error:
+            verb = _refusing(f"{entry.value} cannot be imported: {error}")
+        app.command(name)(verb)
+
+
+def _refusing(reason: str) -> Callable[[], None]:
+    def verb() -> None:
+        raise CannotStart(one_line(reason))
+
+    return verb
 
 
 def needs(extra: str) -> None:

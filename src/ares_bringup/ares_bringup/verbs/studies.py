@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Define the verbs of studies: optimum, thesis, campaigns, aborts, faults."""
+"""Define the verbs of studies: optimum, campaigns, aborts."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,6 @@ from ares_bringup.options import (
     Heating,
     JettisonTarget,
     Maximize,
-    Method,
     PositionIntegral,
 )
 from ares_bringup.verbs.app import (
@@ -29,15 +28,20 @@ from ares_bringup.verbs.app import (
     app,
     needs,
 )
+from ares_models.registry import registered
+from ares_optimizer.registry import AUTO, method_names
+
+METHODS_HELP = (
+    f"How to solve: {', '.join(method_names())}; auto chooses by the mission, and says what it did."
+)
+#: Entry points of this group answer `optimize --method NAME` in place of the common page.
+OPTIMIZE = "ares_bringup.optimize"
 
 
 @app.command()
 def optimize(
     mission: MissionOption = "ares_v",
-    method: Annotated[
-        Method,
-        typer.Option(help="How to solve; auto chooses by the mission, and says what it did."),
-    ] = Method.AUTO,
+    method: Annotated[str, typer.Option(help=METHODS_HELP)] = AUTO,
     heating: Annotated[
         Heating | None,
         typer.Option(
@@ -95,25 +99,24 @@ def optimize(
         "jettison_target": jettison_target and jettison_target.value,
     }
     asked = {name: value for name, value in given.items() if value is not None}
+    own_page = registered(OPTIMIZE).get(method)
     if bag is not None and out is None:
         raise BadInput("--beside goes with --out only")
     if out is not None:
         needs("pages")
         if out.suffix not in (".html", ".htm"):
             raise BadInput(f"--out is {str(out)!r}; expected a file ending in .html")
-        if method is Method.ANALYTIC or maximize is not None:
+        if own_page is not None or maximize is not None:
             raise BadInput("--out goes with neither --method analytic nor --maximize")
-    if method is Method.ANALYTIC:
-        from ares_bringup.commands.analytic import optimize_analytic
-
+    if own_page is not None:
         others = {"--heating": heating, "--hold-jettison": hold_jettison}
         refused = [name for name, value in others.items() if value]
-        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked, time_limit))
+        raise typer.Exit(own_page.load()(mission, as_json, refused, asked, time_limit))
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
     if maximize is not None:
         beside = {
-            "--method": method is not Method.AUTO,
+            "--method": method != AUTO,
             "--heating": heating is not None,
             "--hold-jettison": bool(hold_jettison),
         }
@@ -126,7 +129,7 @@ def optimize(
 
     status = solve(
         mission,
-        method.value,
+        method,
         as_json,
         heating.value if heating is not None else None,
         tuple(hold_jettison or ()),
@@ -135,19 +138,6 @@ def optimize(
         bag,
     )
     raise typer.Exit(status)
-
-
-@app.command()
-def reproduce(
-    out: Annotated[
-        Path, typer.Option(help="Folder of the page and of its numbers; made if not there.")
-    ] = Path("reproduction"),
-) -> None:
-    """Compute every table and figure of the thesis: one HTML page, one JSON file."""
-    needs("pages")
-    from ares_bringup.commands.reproduce import reproduce as reproduce_thesis
-
-    reproduce_thesis(out)
 
 
 @app.command()
@@ -253,20 +243,3 @@ def aborts(
 
     options = AbortOptions(mission, guidance, step_s, as_json, out)
     raise typer.Exit(make_map(options))
-
-
-@app.command()
-def faults(
-    n: Annotated[int, typer.Option("-n", "--trials", min=1, help="Faults in all.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Seed of what is drawn.")] = 0,
-    rows: Annotated[
-        list[str] | None,
-        typer.Option(metavar="WORD", help="Only faults with this word; may be given again."),
-    ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Flights at a time.")] = 1,
-    as_json: TablesOrJson = False,
-) -> None:
-    """Inject faults into real flights and judge these. Exit status 1: one was wrong."""
-    from ares_bringup.faults.campaign import faults as fly_faults
-
-    raise typer.Exit(fly_faults(n, seed, rows or (), workers, as_json))

@@ -13,7 +13,7 @@ from ares_models.kernels.records import mission_records
 
 @inlined
 def onboard_records(onboard: OnboardArrays) -> Onboard:
-    """Return the records of the state of guidance."""
+    """Return the records of the state of guidance, without the law's own memory."""
     return Onboard(
         onboard.navigation[0], onboard.settings[0], onboard.state[0], onboard.steering[0]
     )
@@ -22,4 +22,4 @@ def onboard_records(onboard: OnboardArrays) -> Onboard:
 @kernel
 def answer(mission: MissionArrays, onboard: OnboardArrays) -> None:
     """Step the law; arguments as in :func:`ares_guidance.kernels.cycle.guidance_step`."""
-    guarded_step(mission_records(mission), onboard_records(onboard))
+    guarded_step(mission_records(mission), onboard_records(onboard), onboard.memory[0])

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Step of a law between its guards: navigation gate, impact-point avoidance, monitors.
 
-`guidance_step` is PEG's; each law gets a copy of this module with its own step.
+`guidance_step` is PEG's; each law gets a copy of this module with its own step, a law
+with a memory of its own in place of `step_law`.
 """
 
 from ares_guidance.arrays import (
@@ -32,18 +33,25 @@ def begin_anew(state: Record) -> None:
     state.engines.mass = 0.0
     state.thrust_ratio = 0.0
     state.optimal.solved = 0
-    state.thesis.mode = 0
-    state.thesis.fallback = 0
     state.leg.count = 0
     state.avoid.mode = 0
     state.avoid.next_time = 0.0
 
 
 @kernel
-def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
+def step_law(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:  # noqa: ARG001
+    """Step a law without a memory of its own; arguments as in :func:`guarded_step`."""
+    guidance_step(mission, onboard)
+
+
+@kernel
+def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
     """Answer one navigation state; a refused one gets the last answer, continued in time.
 
-    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+    Args:
+        mission: the mission as guidance believes it.
+        onboard: state of guidance. Changed.
+        memory: the law's own. Changed.
     """
     state = onboard.state
     watch = state.navigation
@@ -59,7 +67,7 @@ def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
         begin_anew(state)
     if mission.environment.area_count > 0:
         hand_back(onboard)
-    guidance_step(mission, onboard)
+    step_law(mission, onboard, memory)
     guarded = mission.environment.area_count > 0
     if state.left.count == 0:
         if guarded:

@@ -10,10 +10,11 @@ from ares_guidance.arrays import ERROR_NOT_CONVERGED, ERROR_TARGET_UNREACHABLE, 
 from ares_guidance.guess import ArcPlan
 from ares_guidance.kernels.floor import lowest_altitude
 from ares_guidance.law import Law, LawKind, LawSettings
-from ares_guidance.registry import law_names, registered_laws
+from ares_guidance.registry import GROUP, law_names
 from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_TRUE_ANOMALY, MissionArrays
 from ares_models.kernels.targets import names
 from ares_models.orbits import Insertion
+from ares_models.registry import load_registered
 
 #: Elements that together fix the place of insertion on the orbit.
 _PLACE = NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY
@@ -30,17 +31,9 @@ def find_law(name: str) -> LawKind:
     Raises:
         ValueError: no such law, or its import fails; one line.
     """
-    if name not in registered_laws():
+    if name not in law_names():
         raise ValueError(f"law is {name!r}; expected one of {', '.join(law_names())}")
-    entry = registered_laws()[name]
-    try:
-        kind = entry.load()
-    except (ImportError, AttributeError) as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"law is {name!r}, which {entry.value} should be: {reason}") from error
-    if not isinstance(kind, LawKind) or kind.name != name:
-        raise ValueError(f"law is {name!r}; expected {entry.value} to be the LawKind of that name")
-    return kind
+    return load_registered(GROUP, "law", name, LawKind)
 
 
 def self_starting_laws() -> list[str]:

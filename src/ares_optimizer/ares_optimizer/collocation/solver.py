@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ares_optimizer.collocation.transcription import Transcription
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.request import COLLOCATION
+from ares_optimizer.registry import COLLOCATION
 
 Array = NDArray[np.float64]
 

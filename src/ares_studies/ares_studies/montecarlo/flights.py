@@ -94,7 +94,7 @@ class FlightRange:
             true,
             blank_vehicle(vehicle.options),
             believed,
-            blank_onboard(law.onboard.settings),
+            blank_onboard(law.onboard.settings, law.kind.memory),
         )
 
     def fly(self, first: int, count: int) -> Flown:

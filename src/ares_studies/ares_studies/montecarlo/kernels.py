@@ -108,6 +108,7 @@ def fly_many(
         workspace.vehicle.plant[0] = blank.vehicle.plant[0]
         workspace.onboard.state[0] = blank.onboard.state[0]
         workspace.onboard.steering[0] = blank.onboard.steering[0]
+        workspace.onboard.memory[0] = blank.onboard.memory[0]
         vary(variations[k], nominal, true, loop.vehicle.plant)
         workspace.vehicle.plant[0].failure = failures[k % failures.shape[0]]
         begin_flight(loop.true, loop.vehicle.plant)
