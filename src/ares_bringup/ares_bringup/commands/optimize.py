@@ -196,8 +196,8 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print()
     out.print(constraint_table(solution))
     out.print()
-    for line in proof_lines(solution):
-        out.print(line, soft_wrap=True)
+    for name, text in proof_facts(solution).items():
+        out.print(f"{name}: {text}", soft_wrap=True)
 
 
 def _results(solution: Solution) -> dict[str, float]:
@@ -269,24 +269,23 @@ def constraint_table(solution: Solution) -> Table:
     return table
 
 
-def proof_lines(solution: Solution) -> list[str]:
-    """Describe the proof and the cost of the search."""
-    lines = []
+def proof_facts(solution: Solution) -> dict[str, str]:
+    """Return how good it is, and what it cost to find: texts by their names."""
+    facts = {}
     proof = solution.verification
     if proof is not None:
-        lines.append(
+        facts["proof"] = (
             "flown again by an independent integrator: within "
             f"{proof.position_defect_m:.2g} m, {proof.velocity_defect_m_s:.2g} m/s, "
             f"{proof.mass_defect_kg:.2g} kg"
         )
         if math.isfinite(proof.peak_fmhr_after_jettison_w_m2):
-            lines.append(
-                f"greatest heating after the jettison: "
-                f"{proof.peak_fmhr_after_jettison_w_m2:,.1f} W/m2"
+            facts["greatest heating"] = (
+                f"{proof.peak_fmhr_after_jettison_w_m2:,.1f} W/m2 after the jettison"
             )
     if solution.costates is not None:
         spread = max(solution.costates.hamiltonian_spread, default=math.nan)
-        lines.append(f"Hamiltonian constant on each arc within {spread:.1e}")
+        facts["Hamiltonian"] = f"constant on each arc within {spread:.1e}"
     restarts = f", {solution.restarts} restarts" if solution.restarts else ""
-    lines.append(f"{solution.iterations} iterations{restarts}, {solution.solve_ms:.2f} ms")
-    return lines
+    facts["search"] = f"{solution.iterations} iterations{restarts}, {solution.solve_ms:.2f} ms"
+    return facts

@@ -12,7 +12,7 @@ from ares_bringup.commands.optimize import (
     VERDICTS,
     arc_figures,
     name_and_state,
-    proof_lines,
+    proof_facts,
 )
 from ares_bringup.commands.report import (
     Told,
@@ -129,11 +129,9 @@ def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
 
 def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
     facts = {"mission": mission.name, "method": solution.method, "software": software()}
-    for k, line in enumerate(solution.steps):
-        facts[f"search {k + 1}"] = line
-    for k, line in enumerate(proof_lines(solution)):
-        facts["proof" if not k else f"proof, {k + 1}"] = line
-    return facts
+    for k, line in enumerate(solution.steps, 1):
+        facts[f"step {k} of the search"] = line
+    return facts | proof_facts(solution)
 
 
 def constraint_table(solution: Solution) -> Table:
