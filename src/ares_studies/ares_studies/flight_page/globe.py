@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.mission import Mission
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import Flight, Phase
+from ares_studies.flight_page.geometry import ground_track
 from ares_studies.flight_page.land import land_on
 from ares_studies.pages.parts import Role
 
@@ -62,15 +64,80 @@ class Globe:
 
     Attributes:
         flights: on it.
-        land: rings of alternating longitude and latitude, deg; empty unless the body is the Earth.
-        ends: label of the last mark of each flight.
-        nearest: largest initial zoom; 1: the whole globe.
+        land: rings of longitude, latitude in turn, deg; none on a body that is not the Earth.
+        ends: what the last mark of each flight is called.
+        nearest: how near it is seen at first, at most; 1: whole.
+        areas: closed lines that the flights are kept out of, as `land`.
     """
 
     flights: tuple[GlobeFlight, ...]
     land: tuple[tuple[float, ...], ...]
     ends: tuple[str, ...]
     nearest: float = 1.0
+    areas: tuple[tuple[float, ...], ...] = ()
+
+    def count(self, role: Role) -> int:
+        """Count the flights of a colour."""
+        return sum(flight.role == role for flight in self.flights)
+
+
+#: Points of a way that stands beside others.
+_POINTS = 60
+
+
+def way_beside_others(
+    mission: Mission,
+    time_s: NDArray[np.float64],
+    position: NDArray[np.float64],
+    name: str,
+    role: Role,
+    *,
+    faint: bool,
+) -> GlobeFlight:
+    """Make one of several flights on a globe from its states, thinned.
+
+    Args:
+        mission: that was flown.
+        time_s: mission elapsed time, shape (n,), s.
+        position: inertial, shape (n, 3), m.
+        name: for who points at it.
+        role: decides the colour.
+        faint: one of many.
+    """
+    kept = np.unique(np.linspace(0, len(time_s) - 1, _POINTS).astype(int))
+    time_s, position = time_s[kept], position[kept]
+    track = ground_track(time_s, position, mission.earth())
+    radius = mission.environment.earth.equatorial_radius_m
+    return GlobeFlight(
+        name=name,
+        role=role,
+        time_s=rounded(time_s, 1),
+        latitude_deg=rounded(track.latitude_deg, 3),
+        longitude_deg=rounded(track.longitude_deg, 3),
+        height=rounded(np.linalg.norm(position, axis=1) / radius - 1.0, 5),
+        ways=(Way(name, role, 0, len(kept) - 1),),
+        impact_time_s=(),
+        impact_latitude_deg=(),
+        impact_longitude_deg=(),
+        faint=faint,
+    )
+
+
+def spot(name: str, role: Role, latitude_deg: float, longitude_deg: float) -> GlobeFlight:
+    """Make a place on the ground, of which there are many."""
+    return GlobeFlight(
+        name=name,
+        role=role,
+        time_s=(0.0,),
+        latitude_deg=(round(latitude_deg, 2),),
+        longitude_deg=(round(longitude_deg, 2),),
+        height=(0.0,),
+        ways=(),
+        impact_time_s=(),
+        impact_latitude_deg=(),
+        impact_longitude_deg=(),
+        faint=True,
+    )
 
 
 def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:

@@ -2,7 +2,6 @@
 """Compose a campaign's page: results, influences, and the flights worth a second look."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
@@ -145,10 +144,9 @@ class CampaignReport:
 
     @property
     def globe_key(self) -> list[tuple[str, Role, int]]:
-        """Return names, colours and numbers of the flights on the globe."""
-        counts = Counter(flight.role for flight in self.globe.flights)
-        kinds = (ARRIVED, FAILED, NOMINAL)
-        return [(name, role, counts[role]) for name, role in kinds if counts[role]]
+        """Names, colours and numbers of the flights on the globe."""
+        kinds = ((name, role, self.globe.count(role)) for name, role in (ARRIVED, FAILED, NOMINAL))
+        return [kind for kind in kinds if kind[2]]
 
     @property
     def globe_text(self) -> str:

@@ -80,7 +80,16 @@ FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
   };
 })"""
 
-#: Least contrast of a text with its background; least font size, px.
+#: End of a flight's way on the globe, in px of the page: of the first whose name begins so.
+PLACE = """(name) => {
+  const flight = globe.flights.find((one) => one.name.startsWith(name));
+  const box = globe.canvas.getBoundingClientRect();
+  const last = flight.height.length - 1;
+  const [x, y] = globe.at(flight.ground, last, 1 + flight.height[last]);
+  return [box.left + x, box.top + y];
+}"""
+
+#: Least contrast of a text with what is behind it, and its least size, px.
 LEAST_CONTRAST = 4.5
 LEAST_FONT_PX = 12.0
 #: Least fraction of the page's width that a figure fills; width in px beyond which it need not.
