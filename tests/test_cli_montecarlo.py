@@ -85,6 +85,22 @@ def test_a_dask_cluster_of_two_workers(ares, tmp_path):
     assert tables[0].equals(tables[1])
 
 
+def test_a_law_that_does_not_arrive_is_refused_before_the_first_flight(ares, tmp_path):
+    out = tmp_path / "c"
+    words = ("--mission", "delta_iii_coast", "--guidance", "peg")
+    done = ares("montecarlo", "-n", "10", *words, "--json", "--out", str(out))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "ares: guidance is 'peg'; expected a law that reaches the target by the plan: flown "
+        "ahead, this one ends lowered; try law optimal\n"
+    )
+    assert not out.exists()
+    # nor is a flight of it, with the words of `fly`
+    alone = ares("montecarlo", "--only", "3", *words)
+    assert (alone.returncode, alone.stdout, alone.stderr) == (2, "", done.stderr)
+    assert ares("fly", *words, "--no-record").stderr == done.stderr
+
+
 INTERRUPTED = "ares: interrupted\n"
 
 
