@@ -138,13 +138,14 @@ class LiveOptions:
         host: address to serve on; beyond this machine the page has a token.
         port: 0 takes a free one.
         browser: open the page.
-        wait: start the flight when the page is open, or after a time limit.
+        watched: a person sits before it: the flight begins when the page is open, or after a
+            while, and the page stays until it is closed.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     browser: bool = False
-    wait: bool = False
+    watched: bool = False
 
 
 @dataclass(frozen=True)
