@@ -178,7 +178,9 @@ def test_a_rocket_of_ones_own_needs_no_option(graph, mission):
     known = load_mission(mission)
     assert told["about"]["title"] == known.title
     assert told["about"]["note"] == ""
-    assert {phase["name"] for phase in told["about"]["phases"]} <= set(known.arc_names)
+    phases = [phase["name"].partition(", after")[0] for phase in told["about"]["phases"]]
+    assert phases
+    assert set(phases) <= set(known.arc_names)
     assert told["events"][0]["text"] == "flight started"
     assert any(known.arc_names[0] in event["text"] for event in told["events"])
 

@@ -94,14 +94,14 @@ class Falls:
     Attributes:
         text: on all of them.
         globe: the impacts, the areas, and the flight in which nothing fails.
-        key: names, colours and numbers of what is on the globe.
+        key: names, colours, numbers and shapes of what is on the globe.
         placed: whether the mission says where longitude zero is.
         table: how many fall in each area.
     """
 
     text: str
     globe: Globe
-    key: tuple[tuple[str, Role, int], ...]
+    key: tuple[tuple[str, Role, int, Shape], ...]
     placed: bool
     table: Table
 
@@ -420,13 +420,12 @@ def _falls(made: AbortMap) -> Falls:
             f"{share.of:,}, {share.percent:.2f} %."
         )
     globe = _globe(made)
-    key = [(name, role, globe.count(role)) for name, role in (_OUTSIDE, _INSIDE, _NOMINAL)]
+    outside = _OUTSIDE if made.areas else ("falls", _OUTSIDE[1])
+    key = globe.key((outside, _INSIDE, _NOMINAL))
     if made.areas:
-        key.append(("areas", _INSIDE[1], len(made.areas)))
-    else:
-        key[0] = ("falls", _OUTSIDE[1], key[0][2])
+        key.append(("areas", _INSIDE[1], len(made.areas), "line"))
     placed = made.mission.zero_longitude_deg is not None
-    return Falls(text, globe, tuple(one for one in key if one[2]), placed, _fall_table(made))
+    return Falls(text, globe, tuple(key), placed, _fall_table(made))
 
 
 def _globe(made: AbortMap) -> Globe:

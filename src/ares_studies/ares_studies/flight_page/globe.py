@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Make the globe: tracks in longitude, latitude and height, and the land below."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import Flight, Phase
 from ares_studies.flight_page.geometry import ground_track
 from ares_studies.flight_page.land import land_on
-from ares_studies.pages.parts import Role
+from ares_studies.pages.parts import Role, Shape
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,18 @@ class Globe:
     nearest: float = 1.0
     areas: tuple[tuple[float, ...], ...] = ()
 
-    def count(self, role: Role) -> int:
-        """Count the flights of a colour."""
-        return sum(flight.role == role for flight in self.flights)
+    def key(self, kinds: Iterable[tuple[str, Role]]) -> list[tuple[str, Role, int, Shape]]:
+        """Return names, colours, numbers and shapes of the kinds of flights that are on it.
+
+        Args:
+            kinds: name and colour of each.
+        """
+        found: list[tuple[str, Role, int, Shape]] = []
+        for name, role in kinds:
+            flights = [flight for flight in self.flights if flight.role == role]
+            if flights:
+                found.append((name, role, len(flights), "line" if flights[0].ways else "cloud"))
+        return found
 
 
 #: Points of a way that stands beside others.

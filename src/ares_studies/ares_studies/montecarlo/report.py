@@ -143,15 +143,14 @@ class CampaignReport:
     command: str
 
     @property
-    def globe_key(self) -> list[tuple[str, Role, int]]:
-        """Names, colours and numbers of the flights on the globe."""
-        kinds = ((name, role, self.globe.count(role)) for name, role in (ARRIVED, FAILED, NOMINAL))
-        return [kind for kind in kinds if kind[2]]
+    def globe_key(self) -> list[tuple[str, Role, int, Shape]]:
+        """Names, colours, numbers and shapes of the flights on the globe."""
+        return self.globe.key((ARRIVED, FAILED, NOMINAL))
 
     @property
     def globe_text(self) -> str:
-        """Describe the flights on the globe."""
-        counts = {name: count for name, _, count in self.globe_key}
+        """What is on the globe, in words."""
+        counts = {name: count for name, _, count, _ in self.globe_key}
         arrived = counts.get(ARRIVED[0], 0)
         text = f"{arrived:,} flights of those that arrived, evenly spread"
         if failed := counts.get(FAILED[0], 0):
