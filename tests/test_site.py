@@ -20,13 +20,12 @@ site_pages = importlib.import_module("site_pages")
 
 #: Code that is cut: wider than the page's column, and nothing around it scrolls.
 CUT = """() => [...document.querySelectorAll("article code, article pre")].filter((code) => {
-  const column = document.querySelector("article").getBoundingClientRect();
-  let within = code;
+  const column = document.querySelector("article");
   const scrolls = (e) => /auto|scroll/.test(getComputedStyle(e).overflowX);
-  while (within && !scrolls(within)) within = within.parentElement;
-  const box = (within || code).getBoundingClientRect();
-  const cut = code.matches("pre") && !within && code.scrollWidth > code.clientWidth + 1;
-  return cut || box.right > column.right + 1;
+  let within = code;
+  while (within !== column && !scrolls(within)) within = within.parentElement;
+  const box = (within === column ? code : within).getBoundingClientRect();
+  return box.right > column.getBoundingClientRect().right + 1;
 }).map((code) => code.textContent.slice(0, 60))"""
 
 
