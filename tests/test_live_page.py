@@ -321,7 +321,7 @@ def drain(terminal):
 
 
 def test_a_person_gets_the_page_opened_and_finds_the_report_there_in_the_end(tmp_path, browser):
-    """At a terminal with a display; the browser is a script that notes the address."""
+    """Fly at a terminal with a display; the browser is a script that records the address."""
     noted = tmp_path / "noted"
     script = tmp_path / "browser"
     script.write_text(f'#!/bin/sh\nsleep 1\necho "$1" > {noted}.new\nmv {noted}.new {noted}\n')

@@ -358,8 +358,8 @@ def run_replay(
         extract: see `replay`.
         namespace: see `replay`.
         expected: see `replay`.
-        say: where the summary goes.
-        then: called when all was published and said.
+        say: gets the summary.
+        then: called after a complete replay and its summary.
 
     Returns:
         Exit status: 0, or 2 with one line on standard error.

@@ -38,14 +38,14 @@ STOP_TIMEOUT = 3.0
 def page_parameters(
     live: LiveOptions, mission: str, flight_id: int, bag: str, *, stays: bool
 ) -> dict[str, Any]:
-    """Parameters of the page's node, which will be served as asked for.
+    """Return the parameters of the page's node, checked.
 
     Args:
-        live: how to serve it.
-        mission: that is flown.
-        flight_id: of the flight; 0: whichever there is.
-        bag: of the flight, or a folder of bags; empty: none.
-        stays: the node ends by itself, when the flight is over and no page open.
+        live: options of the page.
+        mission: flown mission.
+        flight_id: of the flight; 0: the first one heard.
+        bag: of the flight, or a folder of bags; "": none.
+        stays: end the node after the flight only when no page is open.
 
     Raises:
         CannotStart: it cannot be served with these options; one line.
@@ -149,7 +149,7 @@ class Audience:
             self._say(f"the flight begins when the page is open, in {left:.0f} s at the latest")
 
     def leave(self, monitor: "FlightMonitor") -> None:
-        """The flight is over: tell the page what it came to, and end it, unless it is to stay."""
+        """Send the page the verdict; end its process unless it stays."""
         if self._live is None or self._crew is None or not self._crew.running():
             return
         monitor.say_verdict()
@@ -157,7 +157,7 @@ class Audience:
             self._crew.stop([LIVE], STOP_TIMEOUT)
 
     def stay(self) -> None:
-        """Wait until nobody looks any more, or a signal comes."""
+        """Wait until all pages are closed, or for a signal."""
         if self._crew is not None:
             _stay(self._crew, self._say)
 
@@ -181,17 +181,17 @@ def _stay(crew: Crew, say: Callable[[str], None]) -> None:
 def served(
     live: LiveOptions, mission: str, namespace: str, bag: Path, say: Callable[[str], None]
 ) -> Iterator[Callable[[], None]]:
-    """A page on a replay, from when it can be opened to the end of the block.
+    """Serve a page on a replay until the end of the block; wait until it can be opened.
 
     Args:
         live: options of the page.
         mission: path of its file; "": the page has no names from it.
         namespace: of the flight.
-        bag: that is replayed.
+        bag: replayed bag.
         say: gets a line for the person at the terminal.
 
     Yields:
-        what waits until nobody looks any more, where a person looks; else nothing.
+        a function that waits until all pages are closed; it returns at once without a terminal.
 
     Raises:
         CannotStart: it cannot be served with these options; one line.
@@ -212,8 +212,8 @@ def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) 
     """Serve a page on any flight in a domain, until a signal comes.
 
     Args:
-        live: how to serve it.
-        mission: name or path; empty: as the flight tells.
+        live: options of the page.
+        mission: name or path; "": the one announced by the flight.
         namespace: of the flight.
         domain: ROS domain; None: that of the environment.
 

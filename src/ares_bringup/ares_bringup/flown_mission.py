@@ -20,7 +20,7 @@ from ares_models.mission import (
     read_mission,
 )
 
-#: Of what a guidance tells of itself.
+#: Key in the recorded settings of a guidance.
 MISSION_DIGEST = "mission_digest"
 
 

@@ -325,10 +325,10 @@ def fly(
         options: the flight.
         say: gets lines for the user during the flight.
         modules: module of each node, for the layout with several processes.
-        greet: gets the line by which others find the flight, when it has begun.
-        begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
-        show: gets the monitor about ten times a second, to show how the flight goes on.
-        tell: gets the summary when the flight is over, before the page ends that followed it.
+        begun: start of the command, s of time.monotonic(), for `wall_s`; default: now.
+        greet: gets a line with the address of the flight when it has begun.
+        show: gets the monitor about ten times a second, to display the flight.
+        tell: gets the summary after the flight, before the live page ends.
 
     Raises:
         CannotStart: the flight cannot start; one line with the reason.

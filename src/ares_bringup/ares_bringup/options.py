@@ -138,8 +138,8 @@ class LiveOptions:
         host: address to serve on; beyond this machine the page has a token.
         port: 0 takes a free one.
         browser: open the page.
-        watched: a person sits before it: the flight begins when the page is open, or after a
-            while, and the page stays until it is closed.
+        watched: start the flight when the page is open, or after a time limit, and serve the
+            page until it is closed: for a person at a terminal.
     """
 
     host: str = "127.0.0.1"

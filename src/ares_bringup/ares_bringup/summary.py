@@ -50,7 +50,7 @@ EXIT_TARGET = 0
 EXIT_NOT_AS_IT_SHOULD = 1
 EXIT_CANNOT_START = 2
 EXIT_INTERRUPTED = 130
-#: What those of a flight that was flown mean.
+#: Their meanings, after a start.
 EXIT_MEANINGS = {
     EXIT_TARGET: "flown to the target",
     EXIT_NOT_AS_IT_SHOULD: "flown, but not as it should",

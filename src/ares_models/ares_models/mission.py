@@ -82,7 +82,7 @@ class MissionError(InputError):
     """Report an unusable mission; the text is one line."""
 
 
-#: By which key a simulator tells the text of the file of its mission.
+#: Key of the mission file's text in the settings that a simulator announces.
 MISSION_TEXT = "mission_text"
 
 MISSION = InputKind("mission", MissionError, "ares_models", "missions")

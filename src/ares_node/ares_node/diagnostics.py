@@ -29,8 +29,8 @@ PAUSED = "paused"
 NODE = "node"
 #: Fact of the live page: number of browsers in which it is open.
 PAGES = "pages"
-#: What the judge tells the live page in the end, whether all was as it should be, what was not, a
-#: line each, and the exit status with its meaning.
+#: Facts of the judge for the live page: the verdict, whether it is good, the shortcomings, one per
+#: line, and the exit status with its meaning.
 VERDICT = "verdict"
 GOOD = "good"
 SHORTCOMINGS = "shortcomings"

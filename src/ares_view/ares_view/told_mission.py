@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mission of a flight, as its simulator tells it."""
+"""Read the mission that a simulator announces."""
 
 import json
 
@@ -15,15 +15,15 @@ from ares_msgs.msg import FlightMember
 
 
 def told_mission(simulator: FlightMember) -> Mission:
-    """Read the mission that a simulator flies: from the text of its file, else by a shipped name.
+    """Read the announced mission: from the text of its file, else by the name of a shipped one.
 
-    What comes over the graph opens no file.
+    No name from the graph opens another file.
 
     Args:
-        simulator: its word.
+        simulator: announcement.
 
     Raises:
-        MissionError: it tells no mission, or a wrong one; one line.
+        MissionError: the announcement has no valid mission; one line.
     """
     try:
         settings = json.loads(simulator.settings or "{}")

@@ -15,7 +15,7 @@ from tornado.websocket import websocket_connect
 from ares_bags.writer import BagWriter
 from ares_models.mission import load_mission
 from ares_node.identity import id_text
-from ares_view.live.address import AddressError, Door, free_port, listen
+from ares_view.live.address import Access, AddressError, free_port, listen
 from ares_view.live.flight_report import NoReport, ReportMaker, find_bag
 from ares_view.live.server import MAX_COMMAND, LiveServer, read_command
 from ares_view.live.story import Story
@@ -39,7 +39,7 @@ def server(commands):
 
 
 def answer(url, request_timeout=20.0, **headers):
-    """Status and headers of a page."""
+    """Fetch a page; return the response."""
 
     async def get():
         request = HTTPRequest(url, headers=headers, request_timeout=request_timeout)
@@ -123,28 +123,26 @@ def test_beyond_this_machine_a_token_is_needed():
 
 
 def test_no_report_before_there_is_a_bag(server):
-    page = answer(f"{server.door.url}report")
+    page = answer(f"{server.access.url}report")
     assert (page.code, page.headers["Content-Type"]) == (404, "text/plain; charset=utf-8")
-    assert page.body.decode() == (
-        "There is no report: no flight of which there is a bag is over.\n"
-    )
+    assert page.body.decode() == ("There is no report yet: no recorded flight has ended.\n")
     assert server.unseen
 
 
 def test_a_report_that_cannot_be_made_says_why(server, tmp_path):
     server.report = ReportMaker(tmp_path / "gone")
-    page = answer(f"{server.door.url}report")
+    page = answer(f"{server.access.url}report")
     assert page.code == 404
     assert page.body.decode() == f"ares: bag {tmp_path / 'gone'} does not exist\n"
 
 
 def test_a_report_is_made_once(server):
     server.report = ReportMaker(REFERENCE)
-    first = answer(f"{server.door.url}report", request_timeout=110.0)
+    first = answer(f"{server.access.url}report", request_timeout=110.0)
     assert first.code == 200
     assert first.headers["Content-Type"].startswith("text/html")
     assert b"Flown to the target" in first.body
-    assert answer(f"{server.door.url}report").body == first.body
+    assert answer(f"{server.access.url}report").body == first.body
 
 
 def test_a_bag_is_found_by_the_flight_that_it_names(tmp_path):

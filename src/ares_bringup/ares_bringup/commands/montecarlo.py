@@ -30,7 +30,7 @@ from ares_guidance.laws import check_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
-from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reaches

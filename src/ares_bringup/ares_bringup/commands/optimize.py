@@ -270,7 +270,7 @@ def constraint_table(solution: Solution) -> Table:
 
 
 def proof_facts(solution: Solution) -> dict[str, str]:
-    """Return how good it is, and what it cost to find: texts by their names."""
+    """Describe the proof and the cost of the search, by name."""
     facts = {}
     proof = solution.verification
     if proof is not None:

@@ -45,7 +45,7 @@ from ares_bringup.verbs.app import (
 if TYPE_CHECKING:
     from ares_bringup.summary import FlightSummary
 
-#: Real-time factor of a flight that is looked at, unless another is given.
+#: Default real-time factor of a flight with a live page.
 PACE_TO_WATCH = 10.0
 
 

@@ -144,15 +144,15 @@ class AbortMap:
     """Hold an abort map.
 
     Attributes:
-        mission: that was flown.
-        law: that flew.
-        step_s: between times.
-        safe_perigee_altitude_m: of an orbit that lasts.
-        nominal: the optimum in which nothing fails.
+        mission: flown mission.
+        law: guidance law.
+        step_s: interval between failure times, s.
+        safe_perigee_altitude_m: lowest perigee of a lasting orbit.
+        nominal: the optimum without failure.
         rows: one per failure.
-        areas: outlines of those that impacts are kept out of, by name: latitude and longitude in
-            deg, the first corner again at the end.
-        way: navigation states of the flight in which nothing fails, shape (n,), dtype NAVIGATION.
+        areas: outlines of the areas that impacts must avoid, by name: latitude and longitude in
+            deg, the first corner repeated at the end.
+        way: navigation states of the flight without failure, shape (n,), dtype NAVIGATION.
     """
 
     mission: Mission

@@ -49,10 +49,10 @@ WHO: tuple[tuple[str, str, Role], ...] = (
 _LEAST_WIDTH = 0.8
 #: Ticks below the map.
 _TICKS = 6
-#: How near the globe is seen at first, at most.
+#: Largest initial zoom of the globe.
 _NEAREST = 5.0
 
-#: What is on the globe, and in which colour.
+#: Labels and colours on the globe.
 _OUTSIDE: tuple[str, Role] = ("falls outside the areas", "here")
 _INSIDE: tuple[str, Role] = ("falls inside one", "thesis")
 _NOMINAL: tuple[str, Role] = ("the flight in which nothing fails", "other")
@@ -89,14 +89,14 @@ class Strip:
 
 @dataclass(frozen=True)
 class Falls:
-    """Hold where flights that reach no orbit fall.
+    """Hold the impacts of flights that reach no orbit.
 
     Attributes:
-        text: on all of them.
-        globe: the impacts, the areas, and the flight in which nothing fails.
-        key: names, colours, numbers and shapes of what is on the globe.
-        placed: whether the mission says where longitude zero is.
-        table: how many fall in each area.
+        text: summary.
+        globe: the impacts, the areas, and the flight without failure.
+        key: labels, colours, numbers and shapes on the globe.
+        placed: whether the mission defines longitude zero.
+        table: number of impacts in each area.
     """
 
     text: str
@@ -139,7 +139,7 @@ class MapReport:
 
 
 def render(report: MapReport) -> str:
-    """The page, with everything in it."""
+    """Render the page as one self-contained file."""
     data: dict[str, Any] = {"chapters": [asdict(chapter) for chapter in report.chapters]}
     if report.falls is not None:
         data["globe"] = asdict(report.falls.globe)
@@ -180,7 +180,7 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
             _named("table", 1, [_ends_table(made), _beyond_table(made)]),
         ),
     )
-    # what has nothing to show is left out
+    # leave out empty chapters
     chapters = tuple(
         replace(chapter, number=k) for k, chapter in enumerate((c for c in chapters if c.items), 1)
     )

@@ -64,10 +64,10 @@ class Globe:
 
     Attributes:
         flights: on it.
-        land: rings of longitude, latitude in turn, deg; none on a body that is not the Earth.
-        ends: what the last mark of each flight is called.
-        nearest: how near it is seen at first, at most; 1: whole.
-        areas: closed lines that the flights are kept out of, as `land`.
+        land: rings of alternating longitude and latitude, deg; empty unless the body is the Earth.
+        ends: label of the last mark of each flight.
+        nearest: largest initial zoom; 1: the whole globe.
+        areas: outlines of the areas that impacts must avoid, as `land`.
     """
 
     flights: tuple[GlobeFlight, ...]
@@ -77,7 +77,7 @@ class Globe:
     areas: tuple[tuple[float, ...], ...] = ()
 
     def key(self, kinds: Iterable[tuple[str, Role]]) -> list[tuple[str, Role, int, Shape]]:
-        """Return names, colours, numbers and shapes of the kinds of flights that are on it.
+        """Return labels, colours, numbers and shapes of the kinds of flights on it.
 
         Args:
             kinds: name and colour of each.
@@ -90,7 +90,7 @@ class Globe:
         return found
 
 
-#: Points of a way that stands beside others.
+#: Points of a track beside others.
 _POINTS = 60
 
 

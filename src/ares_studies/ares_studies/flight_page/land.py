@@ -29,7 +29,7 @@ def land_on(radius_m: float) -> tuple[tuple[float, ...], ...]:
 
 
 def coasts(rings: Iterable[Sequence[float]], box: Box) -> Series:
-    """Coasts as a series of a map, broken between them, where they pass 180 deg and at its edge.
+    """Make a map's series of coasts, broken between them, at 180 deg and outside the box.
 
     Args:
         rings: alternating longitude and latitude, deg.

@@ -144,12 +144,12 @@ class CampaignReport:
 
     @property
     def globe_key(self) -> list[tuple[str, Role, int, Shape]]:
-        """Names, colours, numbers and shapes of the flights on the globe."""
+        """Return labels, colours, numbers and shapes of the flights on the globe."""
         return self.globe.key((ARRIVED, FAILED, NOMINAL))
 
     @property
     def globe_text(self) -> str:
-        """What is on the globe, in words."""
+        """Describe the flights on the globe."""
         counts = {name: count for name, _, count, _ in self.globe_key}
         arrived = counts.get(ARRIVED[0], 0)
         text = f"{arrived:,} flights of those that arrived, evenly spread"

@@ -18,7 +18,7 @@ from ares_vehicle_sim.simulator import CommandRefused, Simulator
 #: Sampling interval of repeated flights; their least and greatest number.
 ONE_OF = 200
 FEWEST, MOST = 20, 100
-#: How near the globe is seen at first, at most: the ways are close to each other.
+#: Largest initial zoom of the globe, on which the tracks are close to each other.
 NEAREST = 5.0
 
 #: Label and colour of the flights on the globe.

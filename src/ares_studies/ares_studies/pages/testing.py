@@ -80,7 +80,7 @@ FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
   };
 })"""
 
-#: End of a flight's way on the globe, in px of the page: of the first whose name begins so.
+#: End of a flight's track on the globe, px of the page: of the first whose name begins so.
 PLACE = """(name) => {
   const flight = globe.flights.find((one) => one.name.startsWith(name));
   const box = globe.canvas.getBoundingClientRect();
@@ -89,7 +89,7 @@ PLACE = """(name) => {
   return [box.left + x, box.top + y];
 }"""
 
-#: Least contrast of a text with what is behind it, and its least size, px.
+#: Least contrast of a text with its background; least font size, px.
 LEAST_CONTRAST = 4.5
 LEAST_FONT_PX = 12.0
 #: Least fraction of the page's width that a figure fills; width in px beyond which it need not.

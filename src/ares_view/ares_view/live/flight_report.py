@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of the flight that was shown: its bag is found, its page is made when it is asked for.
-
-The page is that of `ares report`, in a process of its own. No ROS.
-"""
+"""Find the bag of the flight on the page; make its report on demand, as `ares report`. No ROS."""
 
 import asyncio
 import shlex
@@ -15,26 +12,26 @@ from ares_bags.files import find_files
 from ares_bags.reader import open_bag
 from ares_node.identity import id_text
 
-#: Bags of a folder that are looked into, the newest ones.
+#: Largest number of bags that are searched, newest first.
 MOST_BAGS = 100
-#: Wall time in s for the page to be made.
+#: Wall time limit for making the report, s.
 PATIENCE = 120.0
 _COMMAND = (sys.executable, "-P", "-m", "ares_bringup", "report")
 
 
 class NoReport(Exception):
-    """There is no report of the flight; the text is one line."""
+    """Report that a flight has no report; the text is one line."""
 
 
 def find_bag(where: Path, flight_id: int) -> Path:
     """Find the bag of a flight.
 
     Args:
-        where: the bag, or a folder of bags; of these it is the one that names the flight.
+        where: the bag, or a folder of bags, searched for the flight's identity.
         flight_id: identity of the flight.
 
     Raises:
-        NoReport: it is not there; one line.
+        NoReport: no such bag; one line.
     """
     try:
         find_files(where)
@@ -57,15 +54,15 @@ def find_bag(where: Path, flight_id: int) -> Path:
 
 
 def command(bag: Path) -> str:
-    """Return what makes the report in a terminal."""
+    """Return the command that makes the report."""
     return shlex.join(["./ares", "report", str(bag)])
 
 
 class ReportMaker:
-    """Makes the page of one bag, once, however many ask for it."""
+    """Makes the report of one bag, once for all requests."""
 
     def __init__(self, bag: Path) -> None:
-        """Make nothing yet.
+        """Prepare.
 
         Args:
             bag: of the flight.
@@ -77,14 +74,14 @@ class ReportMaker:
 
     @property
     def busy(self) -> bool:
-        """Whether it is being made."""
+        """Return True while the report is being made."""
         return self._lock.locked()
 
     async def page(self) -> bytes:
-        """Make the page, unless it is there.
+        """Return the page; make it on the first request.
 
         Raises:
-            NoReport: it cannot be made; one line.
+            NoReport: the command failed; one line.
         """
         async with self._lock:
             if self._page is None:
@@ -110,6 +107,6 @@ class ReportMaker:
             return out.read_bytes()
 
     def end(self) -> None:
-        """End the making, if it goes on."""
+        """Kill the command if it still runs."""
         if self._process is not None and self._process.returncode is None:
             self._process.kill()

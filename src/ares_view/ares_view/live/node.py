@@ -72,9 +72,9 @@ RATE_PERIOD = 1.0
 PAGES_PERIOD = 0.25
 #: Wall time in s without a state after which another flight may be shown.
 QUIET = 2.0
-#: Wall time in s without an open page after which nobody looks: one that is loaded anew comes back.
+#: Wall time in s without an open page before the process ends; a reload takes less.
 PAGES_LEFT = 3.0
-#: Wall time in s for the pages to take the last word.
+#: Wall time in s for the pages to receive the last message.
 GOODBYE = 1.0
 
 LEVELS = {DiagnosticStatus.WARN: "WARN", DiagnosticStatus.ERROR: "ERROR"}
@@ -90,15 +90,14 @@ PARAMETERS = (
     Parameter(
         "mission",
         "",
-        "Mission that is flown: name, or path; empty: as the flight tells.",
+        "Mission that is flown: name, or path; empty: as announced by the flight.",
     ),
     Parameter(
         "bag",
         "",
-        "Bag of the flight, for its report, or a folder in which the one is that names the flight; "
-        "empty: none.",
+        "Bag of the flight, for its report, or a folder of bags with it; empty: none.",
     ),
-    Parameter("end_with_pages", False, "End when the flight is over and no page is open any more."),
+    Parameter("end_with_pages", False, "End when the flight is over and no page is open."),
     Parameter("host", LOOPBACK, "Address to serve on; beyond this machine with a token."),
     Parameter("port", 0, "Port to serve on; 0: a free one.", minimum=0, maximum=65535),
     Parameter("open_browser", False, "Open the page."),
@@ -200,10 +199,10 @@ class LiveNode(FlightNode):
         if recorder:
             return
         if member.flight_id == self._shown and not self._story.mission_known:
-            # who comes into a flight may hear of its states first
+            # a node that joins in flight may receive states first
             mission, note = self._mission_of(self._shown)
             if mission is None:
-                self._story.tell(note=note)
+                self._story.update(note=note)
             else:
                 self._story.learn(mission)
         if member.state in (State.PRESENT, State.READY, State.FLYING):
@@ -231,7 +230,7 @@ class LiveNode(FlightNode):
         self._forget_setter()
 
     def _mission_of(self, flight_id: int) -> tuple[Mission | None, str]:
-        """The mission of a flight: as given, else as its simulator tells; None, and why."""
+        """Return the mission: the given one, else the announced one; or None and the reason."""
         if self._mission is not None:
             return self._mission, ""
         simulator = self._simulators.get(flight_id)
@@ -242,7 +241,7 @@ class LiveNode(FlightNode):
         except MissionError as error:
             return None, f"Names and limits are not known: {error}."
 
-    # ---- what is heard
+    # ---- subscriptions
 
     def _on_state(self, data: bytes) -> None:
         self._states.append(data)
@@ -271,7 +270,7 @@ class LiveNode(FlightNode):
             self._story.update(pace=pace, paused=said.get(PAUSED) == str(True))
             self._control(said.get(NODE, ""))
         if VERDICT in said:
-            self._story.tell(
+            self._story.update(
                 verdict=said[VERDICT],
                 good=said.get(GOOD) == str(True),
                 shortcomings=said.get(SHORTCOMINGS, "").splitlines(),
@@ -295,36 +294,36 @@ class LiveNode(FlightNode):
             self._timing_out.publish(timing(self, self._shown, words))
         self._server.notify()
 
-    # ---- when it is over
+    # ---- end of the flight
 
     def _bag_is_closed(self) -> bool:
-        """Whether the flight is over, and its recorder is done."""
+        """Return True when the flight is over and its recorder has finished."""
         if self._story.judged or not self._story.ended:
             return self._story.judged
         recorder = self._recorders.get(self._shown)
         return recorder is None or recorder.state in (State.OVER, State.FAILED, State.LEFT)
 
     def _look_for_report(self) -> None:
-        """Find the bag, from which the server makes the report when it is asked for."""
+        """Find the bag, from which the server makes the report on demand."""
         flown = self._shown in self._simulators
         where = self.values["bag"]
         try:
             if flown and self._shown not in self._recorders:
                 raise NoReport("There is no report: the flight was flown without a bag.")
             if not where:
-                raise NoReport("There is no report here: this page was not told of a bag.")
+                raise NoReport("There is no report here: this page knows of no bag.")
             bag = find_bag(Path(where), self._shown)
         except NoReport as error:
-            self._story.tell(no_report=str(error))
+            self._story.update(no_report=str(error))
         else:
             self._server.report = ReportMaker(bag)
-            self._story.tell(report=command(bag))
+            self._story.update(report=command(bag))
 
     def _end_unseen(self, now: float) -> None:
-        """End when nobody looks at a flight that is over, if told to."""
+        """End the process when the flight is over and no page is open, if so configured."""
         if not self._server.unseen:
             self._seen_at = now
-        # a replay has no judge, and no simulator that takes part
+        # a replay has neither judge nor simulator
         over = self._story.judged or (self._story.ended and self._shown not in self._simulators)
         if self.values["end_with_pages"] and over and now - self._seen_at > PAGES_LEFT:
             self.finish()

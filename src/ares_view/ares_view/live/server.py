@@ -22,7 +22,7 @@ from tornado.ioloop import PeriodicCallback
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from ares_view.live.address import Door
+from ares_view.live.address import Access
 from ares_view.live.flight_report import NoReport, ReportMaker
 from ares_view.live.page import render
 from ares_view.live.story import Seen, Story
@@ -115,7 +115,7 @@ class _Report(_Guarded):
         maker = self.live.report
         try:
             if maker is None:
-                raise NoReport("There is no report: no flight of which there is a bag is over.")
+                raise NoReport("There is no report yet: no recorded flight has ended.")
             self.finish(await maker.page())
         except NoReport as error:
             self.set_status(404)
@@ -233,7 +233,7 @@ class LiveServer:
         story: the flight shown.
         obey: gets commands, in the server's thread.
         sockets: the open pages.
-        report: of the flight, when it is over and has a bag; else None.
+        report: makes the report of the flight; None without a closed bag.
     """
 
     def __init__(self, listener: socket.socket, story: Story, obey: Obey) -> None:
@@ -262,11 +262,11 @@ class LiveServer:
 
     @property
     def unseen(self) -> bool:
-        """Whether nobody looks: no page is open, no report is being made."""
+        """Return True while no page is open and no report is being made."""
         return not self.sockets and not (self.report is not None and self.report.busy)
 
-    def spread(self) -> None:
-        """There is news: send it."""
+    def notify(self) -> None:
+        """Send the news to all pages."""
         self._loop.call_soon_threadsafe(self._send_all)
 
     def close(self, patience: float) -> None:

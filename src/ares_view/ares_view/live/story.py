@@ -173,10 +173,10 @@ class Story:
             self._update(note=note)
 
     def learn(self, mission: Mission) -> None:
-        """Begin anew with the mission of the flight, which is told late; events stay.
+        """Restart the story with the mission of the flight, announced late; keep the events.
 
         Args:
-            mission: that is flown.
+            mission: flown mission.
         """
         with self._lock:
             heard, complaints = self._heard, self._complaints
@@ -187,21 +187,21 @@ class Story:
 
     @property
     def mission_known(self) -> bool:
-        """Whether the mission of the flight was told."""
+        """Return True once the mission of the flight is known."""
         return self._mission_known
 
-    def _say(self, **words: Any) -> None:
+    def _update(self, **words: Any) -> None:
         if any(self._about[name] != word for name, word in words.items()):
             self._about |= words
             self._about_version += 1
 
-    def tell(self, **words: Any) -> None:
-        """Tell more about the flight.
+    def update(self, **words: Any) -> None:
+        """Update facts about the flight.
 
         Args:
-            words: `law`, `pace`, `paused`, `rate`; when it is over `verdict`, `good`,
-                `shortcomings`, `exit_status`; `report`, the command that makes its report, or
-                `no_report`, why there is none.
+            words: `law`, `pace`, `paused`, `rate`; at its end `verdict`, `good`,
+                `shortcomings`, `exit_status`; `report`, the command for its report, or
+                `no_report`, the reason why there is none.
         """
         with self._lock:
             self._update(**words)
@@ -312,7 +312,7 @@ class Story:
 
     @property
     def judged(self) -> bool:
-        """The verdict was told."""
+        """Return True once the verdict has arrived."""
         return bool(self._about["verdict"])
 
     def age(self) -> float | None:

@@ -282,7 +282,7 @@ class ViewNode(FlightNode):
         return self._begin(flight_id)
 
     def _begin(self, flight_id: int) -> Shown:
-        """Show a flight from its beginning, in place of the one before."""
+        """Show a flight from its beginning, in place of the previous one."""
         mission, simulator = self._mission, self._simulators.get(flight_id)
         complaint = ""
         if simulator is not None:
