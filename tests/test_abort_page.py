@@ -2,8 +2,11 @@
 """`ares aborts` from the command line, and its page in a browser."""
 
 import json
+import re
 
 import pytest
+
+from ares_studies.pages.testing import PLACE
 
 
 def test_the_map_says_its_ends_in_words(open_file, page_of_map):
@@ -22,12 +25,25 @@ def test_the_map_says_its_ends_in_words(open_file, page_of_map):
 
 def test_the_page_shows_where_it_falls(open_file, page_of_map):
     page = open_file(page_of_map, "wide", "light")
-    chapter = page.locator("#chapter-4")
-    assert chapter.locator("h2").inner_text() == "Where it falls"
-    assert "Outside all 8 areas of the mission fall" in chapter.inner_text()
-    assert chapter.locator(".plot").count() == 1
-    legend = chapter.locator(".legend button").all_inner_texts()
-    assert {"land", "areas", "flown, outside the areas"} <= set(legend)
+    part = page.locator("#falls")
+    assert part.locator("h2").inner_text() == "Where it falls"
+    assert "Outside all 8 areas of the mission fall" in part.inner_text()
+    key = part.locator(".key.ways li").all_inner_texts()
+    assert re.fullmatch(r"falls outside the areas \(\d+\)", key[0])
+    assert key[-2:] == ["the flight in which nothing fails", "areas (8)"]
+    assert page.locator(".plot").count() == page.locator(".item.figure").count()
+    assert "Impact points" not in page.locator("h3").all_inner_texts()
+
+
+def test_a_place_that_is_pointed_at_tells_its_failure(open_file, page_of_map):
+    page = open_file(page_of_map, "wide", "dark")
+    told = page.locator(".pointed")
+    assert told.inner_text() == "Point at a place to see which failure leads to it."
+    page.locator(".scene canvas").scroll_into_view_if_needed()
+    page.mouse.move(*page.evaluate(PLACE, "shut down early"))
+    assert re.fullmatch(
+        r"[a-z].* at [\d.]+ s: falls at [\d.]+° [NS], [\d.]+° [EW](, in .+)?", told.inner_text()
+    )
 
 
 def test_one_json_object(ares):

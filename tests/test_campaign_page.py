@@ -3,14 +3,7 @@
 
 import json
 
-#: Middle of a flight's way, in pixels of the page.
-PLACE = """(name) => {
-  const flight = globe.flights.find((one) => one.name.startsWith(name));
-  const box = globe.canvas.getBoundingClientRect();
-  const last = flight.height.length - 1;
-  const [x, y] = globe.at(flight.ground, last, 1 + flight.height[last]);
-  return [box.left + x, box.top + y];
-}"""
+from ares_studies.pages.testing import PLACE
 
 
 def test_flights_that_failed_stand_apart(open_file, page_of_many):

@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -83,6 +84,25 @@ def test_a_dask_cluster_of_two_workers(ares, tmp_path):
     here = ares("montecarlo", "-n", "60", "--json", "--out", str(tmp_path / "here"))
     tables = [pq.read_table(json.loads(done.stdout)["results"]) for done in (there, here)]
     assert tables[0].equals(tables[1])
+
+
+def test_a_law_that_does_not_arrive_is_refused_before_the_first_flight(ares, tmp_path):
+    out = tmp_path / "c"
+    words = ("--mission", "delta_iii_coast", "--guidance", "peg")
+    done = ares("montecarlo", "-n", "10", *words, "--json", "--out", str(out))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(
+        r"ares: guidance is 'peg', which misses the target when the mission is flown ahead "
+        r"\(.*\); try law optimal\n",
+        done.stderr,
+    )
+    assert not out.exists()
+    # nor is a flight of it, with the words of `fly`
+    alone = ares("montecarlo", "--only", "3", *words)
+    assert (alone.returncode, alone.stdout, alone.stderr) == (2, "", done.stderr)
+    flown = ares("fly", *words, "--no-record")
+    assert flown.returncode == 2
+    assert flown.stderr.partition("(")[0] == done.stderr.partition("(")[0]
 
 
 INTERRUPTED = "ares: interrupted\n"

@@ -474,7 +474,7 @@ def test_no_file_is_opened_because_the_graph_names_it(graph, tmp_path, kind) -> 
         assert "is not among those here" in node._story.news(Seen())[0]["about"]["note"]
     else:
         assert shown == ["ares_v"]
-        graph.wait_for_report("no such mission here")
+        graph.wait_for_report("is not among those here")
 
 
 def test_members_without_end_are_not_remembered(graph) -> None:

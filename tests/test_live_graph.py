@@ -12,7 +12,8 @@ from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
-from ares_msgs.msg import FlightEvent
+from ares_models.mission import load_mission
+from ares_msgs.msg import FlightEvent, FlightMember
 from ares_node.membership import State
 from ares_trials.testing.flights import short_burn
 from ares_vehicle_sim.node import VehicleSimNode
@@ -165,16 +166,45 @@ def test_messages_of_another_flight_are_not_shown(graph, mission):
     assert times == sorted(set(times))
 
 
-def test_a_mission_that_is_not_here_is_shown_without_its_names(graph, mission):
-    live = graph.start(LiveNode)
-    simulator = graph.start(VehicleSimNode, mission=mission, pace=100.0)
+def test_a_rocket_of_ones_own_needs_no_option(graph, mission):
+    """The flight tells the text of its mission; who comes late gets it too."""
+    simulator = graph.start(VehicleSimNode, mission=mission, pace=40.0)
     graph.start(GuidanceNode, mission=mission)
+    graph.spin(lambda: simulator.simulator.sequence > 5)
+    live = graph.start(LiveNode)
     graph.spin(lambda: over(graph, simulator))
     spin_for(graph, 0.2)
+    told = story_of(live)
+    known = load_mission(mission)
+    assert told["about"]["title"] == known.title
+    assert told["about"]["note"] == ""
+    phases = [phase["name"].partition(", after")[0] for phase in told["about"]["phases"]]
+    assert phases
+    assert set(phases) <= set(known.arc_names)
+    assert told["events"][0]["text"] == "flight started"
+    assert any(known.arc_names[0] in event["text"] for event in told["events"])
+
+
+@pytest.mark.parametrize(
+    ("settings", "why"),
+    [
+        ("", "is not among those here, and the flight tells no more"),
+        ("{", "is not among those here, and the flight tells no more"),
+        ('{"mission_text": 5}', "is not among those here, and the flight tells no more"),
+        ('{"mission_text": "name: 5"}', "title is missing"),
+    ],
+)
+def test_a_mission_that_is_told_wrong_is_shown_without_its_names(graph, settings, why):
+    live = graph.start(LiveNode)
+    word = FlightMember(
+        flight_id=5, role=FlightMember.VEHICLE_SIM, state=FlightMember.FLYING, mission="mine"
+    )
+    word.settings = settings
+    live._on_member(word)
     about = story_of(live)["about"]
     assert about["title"] == "A flight"
-    assert about["note"].startswith("Mission short_burn is not among those here")
-    assert [phase["name"] for phase in about["phases"]] == ["arc 0", "arc 0"]
+    assert about["note"].startswith("Names and limits are not known: mission mine: ")
+    assert why in about["note"]
 
 
 def test_commands_reach_the_simulator(graph, mission):

@@ -244,6 +244,7 @@ def test_a_server_that_is_killed_is_missed_by_nobody(flown, opened, tmp_path):
     held = seen_time(page)
     status, told = flight.end()
     assert (status, told["shortcomings"]) == (0, [])
+    assert page.locator("#after").is_hidden()
     assert any("goes on without its page" in line for line in flight.lines)
     assert told["events"][-1]["t_s"] > held
     assert page.evaluate(STATE).startswith("Connection lost")
@@ -283,6 +284,26 @@ def test_in_one_process(flown, opened):
     assert flight.end()[0] == 0
 
 
+def test_what_was_missed_is_told_and_why_there_is_no_report(tmp_path, ros_environment, opened):
+    data = short_burn(450.0)
+    data["target"]["speed_m_s"] += 2000.0
+    path = tmp_path / "short.yaml"
+    path.write_text(yaml.safe_dump(data))
+    words = ("fly", "--live", "--json", "--pace", "100", "--no-record", "--mission", str(path))
+    with started(ros_environment, *words) as flight:
+        page = opened(flight.url)
+        wait_for_state(page, "Flight over: Propellant ran out")
+        page.wait_for_function("() => live.over")
+        status, told = flight.end()
+        assert status == 1
+        assert page.locator("#missed li").all_inner_texts() == told["shortcomings"]
+        assert page.locator("#exit").inner_text() == "Exit status 1, flown, but not as it should."
+        assert page.locator("#no-report").inner_text() == (
+            "There is no report: the flight was flown without a bag."
+        )
+        assert page.locator("#to-report").is_hidden()
+
+
 def test_an_interrupted_flight_says_so(flown, opened):
     flight = flown("--pace", "5", "--no-record")
     page = opened(flight.url)
@@ -299,7 +320,7 @@ def drain(terminal):
             pass
 
 
-def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, browser):
+def test_a_person_gets_the_page_opened_and_finds_the_report_there_in_the_end(tmp_path, browser):
     """Fly at a terminal with a display; the browser is a script that records the address."""
     noted = tmp_path / "noted"
     script = tmp_path / "browser"
@@ -309,7 +330,8 @@ def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, bro
     environment = {**os.environ, "DISPLAY": ":7", "BROWSER": f"{script} %s"}
     mission = tmp_path / "short_burn.yaml"
     mission.write_text(yaml.safe_dump(short_burn()))
-    words = ["fly", "--live", "--pace", "1", "--no-record", "--mission", str(mission)]
+    bag = tmp_path / "bag"
+    words = ["fly", "--live", "--pace", "1", "--bag", str(bag), "--mission", str(mission)]
     command = Command(environment, *words, terminal=theirs)
     os.close(theirs)
     threading.Thread(target=drain, args=(ours,), daemon=True).start()
@@ -318,15 +340,32 @@ def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, bro
         while not noted.exists():
             assert time.monotonic() < until
             time.sleep(0.02)
-        page = browser.new_page()
+        context = browser.new_context()
+        complaints = []
+        context.on("weberror", lambda error: complaints.append(str(error.error)))
+        context.on("console", lambda said: complaints.append(said.text))
+        page = context.new_page()
         page.goto(noted.read_text().strip())
         wait_for_state(page, "Live")
         # it has waited for a second; no state is asked for twice, so that the first ones may be
         # missed
         assert page.evaluate("live.states.rows[0][1][0]") < 1001.0
         page.locator("[data-pace='0']").click()
-        wait_for_state(page, "Flight over")
-        page.close()
+        wait_for_state(page, "Flight over: Flown to the target")
+        page.locator("#to-report").wait_for()
+        assert page.locator("#exit").inner_text() == "Exit status 0, flown to the target."
+        # the page of `ares report`, made from the bag
+        with context.expect_page() as opened:
+            page.locator("#to-report").click()
+        report = opened.value
+        report.wait_for_function("() => document.querySelectorAll('.plot .trace').length")
+        assert report.locator(".verdict").inner_text() == "Flown to the target"
+        assert str(bag) in report.locator(".facts").first.inner_text()
+        assert not (bag / "report.html").exists()
+        assert complaints == []
+        # it stays as long as a page is open
+        assert command.process.poll() is None
+        context.close()
         assert command.process.wait(timeout=60) == 0
     finally:
         command.process.kill()
@@ -343,6 +382,12 @@ def test_the_page_leaves_no_trace_in_the_bag(flown, opened, tmp_path, ares):
     page.locator("[data-pace='0']").click()
     page.locator(".play").click()
     assert flight.end()[0] == 0
+    # the server is gone, and the page says what makes the report
+    page.wait_for_function("() => live.over")
+    assert page.locator("#no-report").inner_text() == (
+        f"Its report: ./ares report {tmp_path / 'seen'}"
+    )
+    assert page.locator("#to-report").is_hidden()
     words = ("fly", "--in-process", "--mission", str(tmp_path / "short_burn.yaml"))
     assert ares(*words, "--bag", str(tmp_path / "unseen")).returncode == 0
     seen, unseen = (open_bag(tmp_path / name) for name in ("seen", "unseen"))
@@ -379,6 +424,8 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
         )
         out, _ = replay.process.communicate(timeout=60)
         assert replay.process.returncode == 0
+        page.wait_for_function("() => live.over")
+        assert page.locator("#no-report").inner_text() == f"Its report: ./ares report {REFERENCE}"
         assert out.startswith("published ")
 
 

@@ -18,6 +18,17 @@ sys.path.insert(0, str(ROOT / "tools"))
 site_pages = importlib.import_module("site_pages")
 
 
+#: Code that is cut: beyond the window, with nothing around it that scrolls.
+CUT = """() => [...document.querySelectorAll("article code, article pre")].filter((code) => {
+  const column = document.querySelector("article");
+  const scrolls = (e) => /auto|scroll/.test(getComputedStyle(e).overflowX);
+  let within = code;
+  while (within !== column && !scrolls(within)) within = within.parentElement;
+  const box = (within === column ? code : within).getBoundingClientRect();
+  return box.right > innerWidth;
+}).map((code) => code.textContent.slice(0, 60))"""
+
+
 def build(folder: Path, *, tools: Path = ROOT / "tools") -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, str(tools / "build_site.py"), str(folder)],
@@ -80,6 +91,36 @@ def test_the_command_line_shows_every_verb(site: Path, ares) -> None:
             assert f"<h2>ares {verb}<" in page
 
 
+def test_a_link_is_called_as_what_it_leads_to(site: Path) -> None:
+    pages = {path: path.read_text() for path in site.rglob("*.html")}
+    links = [
+        (re.sub(r"<[^>]+>", "", words), path.name)
+        for path, page in pages.items()
+        for words in re.findall(r'<a class="reference internal"[^>]*>(.*?)</a>', page, re.DOTALL)
+    ]
+    assert len(links) > 500
+    assert [link for link in links if re.search(r"\w\.md\b", link[0])] == []
+    # a part of a page has the name of its heading
+    text = (site / "missions.html").read_text()
+    assert re.search(
+        r'href="guidance.html#flights-by-a-plan-legs-py"><[^>]+>Flights by a plan', text
+    )
+    assert site_pages.title(ROOT / "docs" / "guidance.md", "#flights-by-a-plan-legspy") == (
+        "Flights by a plan (`legs.py`)"
+    )
+    assert site_pages.title(ROOT / "docs" / "missions.md", "") == "Mission files"
+
+
+def test_each_page_says_whose_it_is(site: Path) -> None:
+    for path in site.rglob("*.html"):
+        page = path.read_text()
+        footer = page[page.rindex("<footer") :]
+        assert (
+            f"Ares {site_pages.version()}: ascent guidance on ROS 2. Licence: Apache-2.0." in footer
+        )
+        assert "&#169;" not in footer
+
+
 def test_nothing_is_asked_of_a_network(site: Path) -> None:
     elsewhere = r"[\"'(](https?:)?//"
     for page in site.rglob("*.html"):
@@ -90,7 +131,9 @@ def test_nothing_is_asked_of_a_network(site: Path) -> None:
 
 
 @pytest.mark.parametrize("theme", THEMES)
-@pytest.mark.parametrize("name", ["index", "missions", "reference/messages"])
+@pytest.mark.parametrize(
+    "name", ["index", "missions", "reference/messages", "reference/command_line", "your_law"]
+)
 def test_a_page_is_legible(site: Path, browser, serious_faults, name: str, theme: str) -> None:
     with browser.new_context(
         viewport={"width": 390, "height": 844}, color_scheme=theme, offline=True
@@ -98,6 +141,7 @@ def test_a_page_is_legible(site: Path, browser, serious_faults, name: str, theme
         page = context.new_page()
         page.goto((site / f"{name}.html").as_uri())
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert page.evaluate(CUT) == []
         assert serious_faults(page) == []
 
 
@@ -106,13 +150,15 @@ def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path) -> None:
     (tree / "tools").mkdir(parents=True)
     for name in ("docs", "src", "benchmarks", "README.md", "QUALITY_DECLARATION.md"):
         (tree / name).symlink_to(ROOT / name)
-    (tree / "CONTRIBUTING.md").write_text(
-        "# Contributing\n\n[a](docs/lost.md), [b](docs/install.md#gone)\n"
-    )
+    (tree / "CONTRIBUTING.md").write_text("# Contributing\n\n[b](docs/install.md#gone)\n")
+    (tree / "tools" / "site").symlink_to(ROOT / "tools" / "site")
     for name in ("build_site.py", "site_pages.py"):
         (tree / "tools" / name).write_text((ROOT / "tools" / name).read_text())
     done = build(tmp_path / "html", tools=tree / "tools")
     assert done.returncode == 1
-    assert "lost" in done.stderr
     assert "gone" in done.stderr
     assert "Traceback" not in done.stderr
+    with pytest.raises(
+        site_pages.SiteError, match=r"^a\.md: link to lost\.md, which is not there$"
+    ):
+        site_pages.relinked("[a](lost.md)", "a.md", "a.md")

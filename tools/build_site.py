@@ -8,7 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from site_pages import ROOT, SiteError, pages
+from site_pages import ROOT, SiteError, pages, version
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
 
@@ -20,7 +20,12 @@ SETTINGS = {
     "extensions": ["myst_parser"],
     "myst_heading_anchors": 4,
     "html_theme": "furo",
+    "html_show_copyright": False,
     "html_show_sphinx": False,
+    "version": version(),
+    "templates_path": [str(ROOT / "tools" / "site")],
+    "html_static_path": [str(ROOT / "tools" / "site" / "site.css")],
+    "html_css_files": ["site.css"],
     "html_copy_source": False,
 }
 

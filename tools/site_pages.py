@@ -77,6 +77,11 @@ NODES = {
 }
 INTERFACES = "src/ares_msgs"
 
+VERSION = "src/ares_bringup/ares_bringup/__init__.py"
+
+_HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+_FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+_NO_SLUG = re.compile(r"[^\w -]")
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 
@@ -133,9 +138,26 @@ def relinked(text: str, source: str, page: str) -> str:
             # a source file is not on the site: name it only
             return f"{words} (`{there}`)" if words.strip("`") != there else f"`{there}`"
         relative = posixpath.relpath(on_site, posixpath.dirname(page) or ".")
+        if words.strip("`") in (there, target, posixpath.basename(target)):
+            words = title(ROOT / there, anchor or "")
         return f"{picture}[{words}]({relative}{anchor or ''})"
 
     return _LINK.sub(link, text)
+
+
+def title(page: Path, anchor: str) -> str:
+    """The heading of a page to which an anchor leads; its first where none is named."""
+    headings = _HEADING.findall(_FENCED.sub("", page.read_text()))
+    named = {f"#{_NO_SLUG.sub('', text.lower()).replace(' ', '-')}": text for text in headings}
+    return named.get(anchor, headings[0])
+
+
+def version() -> str:
+    """The version of the project."""
+    found = re.search(r'__version__ = "(.+)"', (ROOT / VERSION).read_text())
+    if found is None:
+        raise SiteError(f"{VERSION} names no version")
+    return found[1]
 
 
 def cell(text: str) -> str:

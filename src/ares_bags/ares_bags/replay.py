@@ -346,6 +346,7 @@ def run_replay(
     namespace: str = "",
     expected: Collection[str] = (),
     say: Callable[[str], None] = print,
+    then: Callable[[], None] = lambda: None,
 ) -> int:
     """Replay a bag from the command line, until its end, a key, SIGINT or SIGTERM.
 
@@ -358,6 +359,7 @@ def run_replay(
         namespace: see `replay`.
         expected: see `replay`.
         say: gets the summary.
+        then: called after a complete replay and its summary.
 
     Returns:
         Exit status: 0, or 2 with one line on standard error.
@@ -394,4 +396,6 @@ def run_replay(
     end = "" if result.complete else ", stopped before the end"
     total = sum(result.counts.values())
     say(f"published {total} messages of {bag.path} in {result.wall_s:.1f} s{end}")
+    if result.complete:
+        then()
     return 0

@@ -7,9 +7,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
+from ares_bringup.bag_paths import bags_folder
 from ares_bringup.crew import LOOK_PERIOD, Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
 from ares_bringup.options import CannotStart, FlyOptions, LiveOptions
@@ -33,13 +35,17 @@ TELL_AFTER = 3.0
 STOP_TIMEOUT = 3.0
 
 
-def page_parameters(live: LiveOptions, mission: str, flight_id: int) -> dict[str, Any]:
+def page_parameters(
+    live: LiveOptions, mission: str, flight_id: int, bag: str, *, stays: bool
+) -> dict[str, Any]:
     """Return the parameters of the page's node, checked.
 
     Args:
         live: options of the page.
         mission: flown mission.
         flight_id: of the flight; 0: the first one heard.
+        bag: of the flight, or a folder of bags; "": none.
+        stays: end the node after the flight only when no page is open.
 
     Raises:
         CannotStart: it cannot be served with these options; one line.
@@ -53,6 +59,8 @@ def page_parameters(live: LiveOptions, mission: str, flight_id: int) -> dict[str
     return {
         "flight_id": flight_id,
         "mission": mission,
+        "bag": bag,
+        "end_with_pages": stays,
         "host": live.host,
         "port": port,
         "open_browser": live.browser,
@@ -82,7 +90,13 @@ class Audience:
         self._held = ExitStack()
         self._parameters: Mapping[str, Any] = {}
         if options.live is not None:
-            self._parameters = page_parameters(options.live, options.mission, summary.flight_id)
+            self._parameters = page_parameters(
+                options.live,
+                options.mission,
+                summary.flight_id,
+                summary.bag or "",
+                stays=options.live.watched,
+            )
 
     def __enter__(self) -> Self:
         """Return the object; start nothing."""
@@ -126,7 +140,7 @@ class Audience:
                 raise CannotStart("")
             self._say(f"{name} {describe_end(status)}: {PAGELESS}")
             monitor.let_go()
-        wanted = 1 if self._live.wait else 0
+        wanted = 1 if self._live.watched else 0
         left = self._deadline - time.monotonic()
         if monitor.pages >= wanted or left < 0.0:
             monitor.let_go()
@@ -135,25 +149,54 @@ class Audience:
             self._say(f"the flight begins when the page is open, in {left:.0f} s at the latest")
 
     def leave(self, monitor: "FlightMonitor") -> None:
-        """Send the page the verdict and end its process."""
-        if self._crew is not None and self._crew.running():
-            monitor.say_verdict()
+        """Send the page the verdict; end its process unless it stays."""
+        if self._live is None or self._crew is None or not self._crew.running():
+            return
+        monitor.say_verdict()
+        if self._summary.interrupted or not self._live.watched:
             self._crew.stop([LIVE], STOP_TIMEOUT)
+
+    def stay(self) -> None:
+        """Wait until all pages are closed, or for a signal."""
+        if self._crew is not None:
+            _stay(self._crew, self._say)
+
+
+def _stay(crew: Crew, say: Callable[[str], None]) -> None:
+    from ares_node.run import StopSignals
+
+    begun, told = time.monotonic(), False
+    stop = StopSignals(lambda: False)
+    stop.starting = False
+    with stop.watch():
+        while crew.running() and not stop.requested:
+            if not told and time.monotonic() - begun > STOP_TIMEOUT:
+                told = True
+                say("the page stays until it is closed; Ctrl-C ends it too")
+            time.sleep(LOOK_PERIOD)
+    crew.stop([LIVE], STOP_TIMEOUT)
 
 
 @contextmanager
-def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
-    """Serve a page on any flight until the end of the block; wait until it can be opened.
+def served(
+    live: LiveOptions, mission: str, namespace: str, bag: Path, say: Callable[[str], None]
+) -> Iterator[Callable[[], None]]:
+    """Serve a page on a replay until the end of the block; wait until it can be opened.
 
     Args:
         live: options of the page.
         mission: path of its file; "": the page has no names from it.
         namespace: of the flight.
+        bag: replayed bag.
+        say: gets a line for the person at the terminal.
+
+    Yields:
+        a function that waits until all pages are closed; it returns at once without a terminal.
 
     Raises:
         CannotStart: it cannot be served with these options; one line.
     """
-    parameters = page_parameters(live, mission, 0)
+    parameters = page_parameters(live, mission, 0, str(bag.absolute()), stays=live.watched)
     with Crew() as crew:
         crew.start(LIVE, MODULE, ros_arguments(parameters, namespace))
         deadline = time.monotonic() + PATIENCE
@@ -162,7 +205,7 @@ def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
                 socket.create_connection((live.host, parameters["port"]), 1.0).close()
                 break
             time.sleep(LOOK_PERIOD)
-        yield
+        yield lambda: _stay(crew, say) if live.watched else None
 
 
 def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) -> NoReturn:
@@ -170,7 +213,7 @@ def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) 
 
     Args:
         live: options of the page.
-        mission: name or path; "": the one announced by the simulator.
+        mission: name or path; "": the one announced by the flight.
         namespace: of the flight.
         domain: ROS domain; None: that of the environment.
 
@@ -181,7 +224,8 @@ def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) 
 
     if mission:
         mission_facts(mission)
-    arguments = ros_arguments(page_parameters(live, mission, 0), absolute_namespace(namespace))
+    parameters = page_parameters(live, mission, 0, str(bags_folder()), stays=False)
+    arguments = ros_arguments(parameters, absolute_namespace(namespace))
     apply_discovery_settings()
     if domain is not None:
         os.environ["ROS_DOMAIN_ID"] = str(domain)

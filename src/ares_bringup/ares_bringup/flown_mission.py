@@ -11,10 +11,16 @@ from typing import Any
 
 from ares_bags.writer import GUIDANCE_KEY, SIMULATOR_KEY
 from ares_bringup.options import CannotStart
-from ares_models.mission import Mission, MissionError, load_mission, parse_mission, read_mission
+from ares_models.mission import (
+    MISSION_TEXT,
+    Mission,
+    MissionError,
+    load_mission,
+    parse_mission,
+    read_mission,
+)
 
-#: Keys in the recorded settings of a simulator or a guidance.
-MISSION_TEXT = "mission_text"
+#: Key in the recorded settings of a guidance.
 MISSION_DIGEST = "mission_digest"
 
 

@@ -85,6 +85,7 @@ RECORDER_STOP_TIMEOUT = 30.0
 
 Say = Callable[[str], None]
 Show = Callable[["FlightMonitor"], None]
+Tell = Callable[[FlightSummary], None]
 
 
 def say_on_standard_error(line: str) -> None:
@@ -313,6 +314,7 @@ def fly(
     begun: float | None = None,
     greet: Say = lambda _line: None,
     show: Show = lambda _monitor: None,
+    tell: Tell = lambda _summary: None,
 ) -> FlightSummary:
     """Fly a mission and summarize it.
 
@@ -326,6 +328,7 @@ def fly(
         begun: start of the command, s of time.monotonic(), for `wall_s`; default: now.
         greet: gets a line with the address of the flight when it has begun.
         show: gets the monitor about ten times a second, to display the flight.
+        tell: gets the summary after the flight, before the live page ends.
 
     Raises:
         CannotStart: the flight cannot start; one line with the reason.
@@ -353,9 +356,11 @@ def fly(
             _fly_in_process(summary, parameters, terms)
         else:
             _fly_in_processes(summary, parameters, terms, modules)
-    if bag is not None and not Path(bag).exists():
-        summary.bag = None
-    summary.wall_s = time.monotonic() - begun
+        if bag is not None and not Path(bag).exists():
+            summary.bag = None
+        summary.wall_s = time.monotonic() - begun
+        tell(summary)
+        audience.stay()
     return summary
 
 

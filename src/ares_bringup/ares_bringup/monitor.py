@@ -11,9 +11,10 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from ares_bags.errors import printable
-from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status
+from ares_bringup.summary import EXIT_MEANINGS, Diagnostic, Event, FlightSummary, Status
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
+    EXIT_STATUS,
     FINAL_MASS_KG,
     GOOD,
     LONGEST_CYCLE_MS,
@@ -21,8 +22,10 @@ from ares_node.diagnostics import (
     PACE,
     PAGES,
     PAUSED,
+    SHORTCOMINGS,
     VERDICT,
     Timing,
+    folded,
     hardware_id,
     number_of,
     of_another_flight,
@@ -120,7 +123,13 @@ class FlightMonitor:
     def say_verdict(self) -> None:
         """Send the verdict to the live page."""
         summary = self.summary
-        words = {VERDICT: summary.verdict, GOOD: not summary.shortcomings()}
+        shortcomings = summary.shortcomings()
+        words = {
+            VERDICT: summary.verdict,
+            GOOD: not shortcomings,
+            SHORTCOMINGS: "\n".join(map(folded, shortcomings)),
+            EXIT_STATUS: f"{summary.exit_code}, {EXIT_MEANINGS[summary.exit_code]}",
+        }
         self._timing_out.publish(timing(self.node, summary.flight_id, words))
         self._timing_out.wait_for_all_acked(Duration(seconds=VERDICT_TIMEOUT))
 

@@ -124,13 +124,14 @@ class LiveOptions:
         host: address to serve on; beyond this machine the page has a token.
         port: 0 takes a free one.
         browser: open the page.
-        wait: start the flight when the page is open, or after a time limit.
+        watched: start the flight when the page is open, or after a time limit, and serve the
+            page until it is closed: for a person at a terminal.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     browser: bool = False
-    wait: bool = False
+    watched: bool = False
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,12 @@ EXIT_TARGET = 0
 EXIT_NOT_AS_IT_SHOULD = 1
 EXIT_CANNOT_START = 2
 EXIT_INTERRUPTED = 130
+#: Their meanings, after a start.
+EXIT_MEANINGS = {
+    EXIT_TARGET: "flown to the target",
+    EXIT_NOT_AS_IT_SHOULD: "flown, but not as it should",
+    EXIT_INTERRUPTED: "interrupted",
+}
 
 #: Most diagnostics kept; later ones are only counted.
 MAX_DIAGNOSTICS = 200

@@ -269,7 +269,7 @@ class Flight:
                 **self._clock(),
             )
         if self.switches["live"]:
-            self._add("ares_view", LIVE, _of(values, "mission"), **identity)
+            self._add("ares_view", LIVE, _of(values, "mission"), **identity, bag=bag)
         if record:
             about |= {"seed": flown["seed"]} if "seed" in flown else {}
             self._add("ares_bags", RECORDER, about, **identity, bag=bag, **self._clock())

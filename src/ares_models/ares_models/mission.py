@@ -82,6 +82,9 @@ class MissionError(InputError):
     """Report an unusable mission; the text is one line."""
 
 
+#: Key of the mission file's text in the settings that a simulator announces.
+MISSION_TEXT = "mission_text"
+
 MISSION = InputKind("mission", MissionError, "ares_models", "missions")
 
 #: Template of a new mission: a small launcher that reaches its target.

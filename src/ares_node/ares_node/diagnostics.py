@@ -29,9 +29,12 @@ PAUSED = "paused"
 NODE = "node"
 #: Fact of the live page: number of browsers in which it is open.
 PAGES = "pages"
-#: Facts of the judge for the live page: the verdict, and whether it is good.
+#: Facts of the judge for the live page: the verdict, whether it is good, the shortcomings, one per
+#: line, and the exit status with its meaning.
 VERDICT = "verdict"
 GOOD = "good"
+SHORTCOMINGS = "shortcomings"
+EXIT_STATUS = "exit_status"
 
 
 def is_worth_reporting(count: int) -> bool:

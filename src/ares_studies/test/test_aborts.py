@@ -46,7 +46,7 @@ def test_every_failure_has_its_row(made):
     assert names[-2:] == ["ignition failed", "jettison stuck"]
     for row in made.rows[:4]:
         assert all(point.at_s % 60.0 == 0.0 for point in row.points)
-    assert len(made.rows[-1].points) == {"ares_v": 1, "saturn_v_as506": 3}[made.mission]
+    assert len(made.rows[-1].points) == {"ares_v": 1, "saturn_v_as506": 3}[made.mission.name]
 
 
 def test_who_knows_more_does_no_worse(made):
@@ -69,9 +69,37 @@ def test_a_map_can_be_told(made):
     assert said["points"] == sum(len(row["points"]) for row in said["rows"])
     told = [row["within"] for row in said["rows"]]
     assert sum(told) == said["within"]["all"]["count"]
-    page = render(make_report(made, {"mission": made.mission, "guidance": made.law}))
+    page = render(make_report(made, {"mission": made.mission.name, "guidance": made.law}))
     assert page.count('class="strip"') == 3 * len(made.rows)
     assert ("Where it falls" in page) == (made.outside.of > 0)
+
+
+def test_each_fall_is_a_place_on_the_globe(made):
+    falls = make_report(made, {}).falls
+    nominal, *places = falls.globe.flights
+    assert len(nominal.ways) == 1
+    assert len(places) == made.outside.of
+    fallen = [point.flown for point in made.points if point.flown.falls]
+    for shown, reached in zip(places, fallen, strict=True):
+        at = (*shown.latitude_deg, *shown.longitude_deg)
+        assert at == pytest.approx(reached.impact_deg, abs=0.006)
+        assert shown.role == ("thesis" if reached.area else "here")
+        assert shown.name.endswith(f", in {reached.area}") == bool(reached.area)
+    assert len(falls.globe.areas) == len(made.areas)
+    assert falls.globe.land
+    # where all reach an orbit there is no globe
+    high = dataclasses.replace(made.nominal, end=End.TARGET)
+    rows = [
+        dataclasses.replace(
+            row, points=tuple(dataclasses.replace(point, flown=high) for point in row.points)
+        )
+        for row in made.rows
+    ]
+    page = render(
+        make_report(dataclasses.replace(made, rows=tuple(rows)), {"mission": "", "guidance": ""})
+    )
+    assert "Where it falls" not in page
+    assert "<canvas" not in page
 
 
 def test_no_figure_is_empty(made):

@@ -2,6 +2,7 @@
 """Reachability of the target, determined without guidance."""
 
 import math
+import re
 
 import pytest
 
@@ -9,7 +10,7 @@ from ares_models.mission import load_mission
 from ares_studies.montecarlo import reach as module
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.reach import Reach, reach, reaches
-from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 
 
 def settings(**drawn):
@@ -41,6 +42,17 @@ def test_the_optimizer_may_have_no_answer(monkeypatch):
     found = reach(settings(), 0)
     assert found.within is None
     assert str(found).startswith("within reach or not: unknown, ")
+
+
+def test_a_start_below_the_ground_is_nothing_to_ask_of_the_optimizer():
+    moon = Settings(load_mission("apollo11_ascent"), load_dispersions("standard"))
+    found = reach(moon, 0)
+    assert found.within is None
+    assert re.fullmatch(
+        r"within reach or not: unknown, state\.position is [\d,]+ m from the Earth's centre; "
+        r"expected at least [\d,]+ m",
+        str(found),
+    )
 
 
 def test_an_error_of_the_program_is_not_asked_about():

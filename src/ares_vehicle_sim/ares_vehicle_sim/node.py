@@ -21,7 +21,7 @@ from rosgraph_msgs.msg import Clock
 
 from ares_models.arrays import STEERING
 from ares_models.failures import read_failure
-from ares_models.mission import read_mission
+from ares_models.mission import MISSION_TEXT, read_mission
 from ares_models.software import software
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Level, Timing, is_worth_reporting, pace_message
@@ -248,7 +248,7 @@ class VehicleSimNode(FlightNode):
         if values["dispersions"]:
             dispersions, texts["dispersions_text"] = read_dispersions(values["dispersions"])
         limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
-        mission, texts["mission_text"] = read_mission(values["mission"])
+        mission, texts[MISSION_TEXT] = read_mission(values["mission"])
         self._mission_name = mission.name
         flight = (
             mission,

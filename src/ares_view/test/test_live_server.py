@@ -6,17 +6,22 @@ import json
 import socket
 import time
 from itertools import count
+from pathlib import Path
 
 import pytest
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
+from ares_bags.writer import BagWriter
 from ares_models.mission import load_mission
+from ares_node.identity import id_text
 from ares_view.live.address import Access, AddressError, free_port, listen
+from ares_view.live.flight_report import NoReport, ReportMaker, find_bag
 from ares_view.live.server import MAX_COMMAND, LiveServer, read_command
 from ares_view.live.story import Story
 
 LOOPBACK = "127.0.0.1"
+REFERENCE = Path(__file__).parents[3] / "bags" / "reference"
 
 
 @pytest.fixture
@@ -33,11 +38,11 @@ def server(commands):
     made.close(1.0)
 
 
-def answer(url, **headers):
+def answer(url, request_timeout=20.0, **headers):
     """Fetch a page; return the response."""
 
     async def get():
-        request = HTTPRequest(url, headers=headers)
+        request = HTTPRequest(url, headers=headers, request_timeout=request_timeout)
         return await AsyncHTTPClient(force_instance=True).fetch(request, raise_error=False)
 
     return asyncio.run(get())
@@ -115,6 +120,43 @@ def test_beyond_this_machine_a_token_is_needed():
             asyncio.run(listen_in())
     finally:
         server.close(1.0)
+
+
+def test_no_report_before_there_is_a_bag(server):
+    page = answer(f"{server.access.url}report")
+    assert (page.code, page.headers["Content-Type"]) == (404, "text/plain; charset=utf-8")
+    assert page.body.decode() == ("There is no report yet: no recorded flight has ended.\n")
+    assert server.unseen
+
+
+def test_a_report_that_cannot_be_made_says_why(server, tmp_path):
+    server.report = ReportMaker(tmp_path / "gone")
+    page = answer(f"{server.access.url}report")
+    assert page.code == 404
+    assert page.body.decode() == f"ares: bag {tmp_path / 'gone'} does not exist\n"
+
+
+def test_a_report_is_made_once(server):
+    server.report = ReportMaker(REFERENCE)
+    first = answer(f"{server.access.url}report", request_timeout=110.0)
+    assert first.code == 200
+    assert first.headers["Content-Type"].startswith("text/html")
+    assert b"Flown to the target" in first.body
+    assert answer(f"{server.access.url}report").body == first.body
+
+
+def test_a_bag_is_found_by_the_flight_that_it_names(tmp_path):
+    for name, flight_id in (("one", 1), ("two", 2)):
+        writer = BagWriter(tmp_path / name, {"flight_id": id_text(flight_id)})
+        writer.close()
+    (tmp_path / "three").mkdir()
+    (tmp_path / "four").write_text("no folder")
+    assert find_bag(tmp_path, 2) == tmp_path / "two"
+    # one that is named need not name its flight
+    assert find_bag(tmp_path / "one", 9) == tmp_path / "one"
+    for where in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(NoReport, match=f"^There is no report: {where} has no bag of this"):
+            find_bag(where, 9)
 
 
 def test_this_machine_needs_no_token():

@@ -120,7 +120,7 @@ def _facts(options: AbortOptions, made: AbortMap) -> dict[str, str]:
 
 
 def _print(made: AbortMap, out: Console) -> None:
-    out.print(Text(made.title), style="bold")
+    out.print(Text(made.mission.title), style="bold")
     out.print(f"guidance {made.law}, {len(made.points):,} points, every {made.step_s:g} s")
     out.print()
     table = Table(box=None, pad_edge=False)

@@ -2,7 +2,7 @@
 """Print for `ares bag` and `ares replay`. Only the replay needs ROS."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -218,8 +218,10 @@ def replay_bag(
 
     apply_discovery_settings()
     with ExitStack() as held:
+        stay: Callable[[], None] = lambda: None  # noqa: E731
         if live is not None:
             from ares_bringup.audience import served
+            from ares_bringup.fly import say_on_standard_error
 
             try:
                 bag = open_bag(path)
@@ -232,11 +234,12 @@ def replay_bag(
                 mission = held.enter_context(flown_mission(path, bag.custom_data).file())
             prefix = (namespace or "").strip("/")
             home = f"/{prefix}{home}" if prefix else home
-            held.enter_context(served(live, mission, home))
+            stay = held.enter_context(served(live, mission, home, path, say_on_standard_error))
         return run_replay(
             path,
             rate=pace,
             extract=Extract(**extract),
             namespace=namespace or "",
             expected=() if live is None else SHOWN,
+            then=stay,
         )

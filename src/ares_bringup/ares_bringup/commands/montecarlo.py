@@ -3,6 +3,7 @@
 
 import json
 import math
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.commands.interrupts import note_written, report_interrupt
 from ares_bringup.options import CannotStart, HeatingSource, self_starting
 from ares_bringup.progress import bar
+from ares_bringup.rehearsal import rehearse
 from ares_bringup.report import console, number, shown_path
 from ares_bringup.whole_file import write_whole
 from ares_guidance.law import LawSettings
@@ -28,7 +30,6 @@ from ares_guidance.laws import check_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
-from ares_studies.closed_loop import arc_plan
 from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import FlightRange, Settings
@@ -99,17 +100,16 @@ class CampaignOptions:
             "heating_source": self.heating_source,
         }
         try:
-            law = self_starting(self.guidance)
+            self_starting(self.guidance)
             dispersions = load_dispersions(self.dispersions)
             if self.heating_source == HeatingSource.MODEL:
                 given["heating_margin"] = dispersions.heating_margin()
             mission = load_mission(self.mission)
-            check_law(
-                self.guidance,
-                mission.arrays(foreseen=True),
-                mission.start().navigation(),
-                arc_plan(mission, law),
-            )
+            if not mission.needs_plan:
+                # else it is flown ahead
+                check_law(
+                    self.guidance, mission.arrays(foreseen=True), mission.start().navigation()
+                )
             return Settings(
                 mission=mission,
                 dispersions=dispersions,
@@ -157,6 +157,9 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
         CannotStart: bad input; one line.
     """
     settings = options.settings()
+    flown = {"mission": options.mission, "law": settings.law}
+    if line := rehearse(flown | vars(settings.options) | vars(settings.law_settings)):
+        print(line, file=sys.stderr, flush=True)
     if options.only:
         return _fly_alone(options, settings, begun)
     folder = options.out or new_bag(f"{settings.mission.name}_{settings.law}", _campaigns())

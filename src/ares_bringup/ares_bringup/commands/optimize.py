@@ -199,8 +199,8 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print()
     out.print(constraint_table(mission, solution))
     out.print()
-    for line in proof_lines(solution):
-        out.print(line, soft_wrap=True)
+    for name, text in proof_facts(solution).items():
+        out.print(f"{name}: {text}", soft_wrap=True)
 
 
 def _results(solution: Solution) -> dict[str, float]:
@@ -285,19 +285,19 @@ def constraint_table(mission: Mission, solution: Solution) -> Table:
     return table
 
 
-def proof_lines(solution: Solution) -> list[str]:
-    """Describe the proof and the cost of the search."""
-    lines = []
+def proof_facts(solution: Solution) -> dict[str, str]:
+    """Describe the proof and the cost of the search, by name."""
+    facts = {}
     proof = solution.verification
     if proof is not None:
-        lines.append(
+        facts["proof"] = (
             "flown again by an independent integrator: within "
             f"{proof.position_defect_m:.2g} m, {proof.velocity_defect_m_s:.2g} m/s, "
             f"{proof.mass_defect_kg:.2g} kg"
         )
         peak = proof.peak_fmhr_after_jettison_w_m2
         if math.isfinite(peak):
-            line = f"greatest heating after the jettison: {peak:,.1f} W/m2"
+            line = f"{peak:,.1f} W/m2 after the jettison"
             limit = min(
                 (c.limit for c in solution.constraints if c.key is Check.HEATING_AT_JETTISON),
                 default=math.inf,
@@ -307,10 +307,10 @@ def proof_lines(solution: Solution) -> list[str]:
                     f", {peak / limit:,.0f} times the limit; a higher min_perigee_altitude_m of a "
                     "free coast keeps it down"
                 )
-            lines.append(line)
+            facts["greatest heating"] = line
     if solution.costates is not None:
         spread = max(solution.costates.hamiltonian_spread, default=math.nan)
-        lines.append(f"Hamiltonian constant on each arc within {spread:.1e}")
+        facts["Hamiltonian"] = f"constant on each arc within {spread:.1e}"
     restarts = f", {solution.restarts} restarts" if solution.restarts else ""
-    lines.append(f"{solution.iterations} iterations{restarts}, {solution.solve_ms:.2f} ms")
-    return lines
+    facts["search"] = f"{solution.iterations} iterations{restarts}, {solution.solve_ms:.2f} ms"
+    return facts

@@ -12,7 +12,7 @@ from ares_bringup.commands.optimize import (
     VERDICTS,
     arc_figures,
     name_and_state,
-    proof_lines,
+    proof_facts,
     with_names,
 )
 from ares_bringup.commands.report import (
@@ -130,11 +130,9 @@ def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
 
 def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
     facts = {"mission": mission.name, "method": solution.method, "software": software()}
-    for k, line in enumerate(solution.steps):
-        facts[f"search {k + 1}"] = with_names(line, mission)
-    for k, line in enumerate(proof_lines(solution)):
-        facts["proof" if not k else f"proof, {k + 1}"] = line
-    return facts
+    for k, line in enumerate(solution.steps, 1):
+        facts[f"step {k} of the search"] = with_names(line, mission)
+    return facts | proof_facts(solution)
 
 
 def constraint_table(mission: Mission, solution: Solution) -> Table:

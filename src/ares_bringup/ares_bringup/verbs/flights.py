@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -41,6 +41,9 @@ from ares_bringup.verbs.app import (
     check_page,
     live_options,
 )
+
+if TYPE_CHECKING:
+    from ares_bringup.summary import FlightSummary
 
 #: Default real-time factor of a flight with a live page.
 PACE_TO_WATCH = 10.0
@@ -191,12 +194,22 @@ def _fly(options: FlyOptions, as_json: bool) -> int:
             from ares_bringup.terminal import TerminalView
 
             show = shown.enter_context(TerminalView(console(sys.stderr))).show
+
+        def tell(summary: "FlightSummary") -> None:
+            shown.close()
+            _tell(summary, as_json)
+
         summary = fly_mission(
             options,
             begun=BEGUN,
             greet=(lambda _line: None) if as_json else typer.echo,
             show=show or (lambda _monitor: None),
+            tell=tell,
         )
+    return summary.exit_code
+
+
+def _tell(summary: "FlightSummary", as_json: bool) -> None:
     if summary.interrupted and not summary.started and not as_json:
         # no event to tabulate
         kept = f"; the bag {summary.bag} is empty" if summary.bag else "; nothing was written"
@@ -207,4 +220,4 @@ def _fly(options: FlyOptions, as_json: bool) -> int:
         from ares_bringup.report import console, print_summary
 
         print_summary(summary, console())
-    return summary.exit_code
+    sys.stdout.flush()

@@ -33,7 +33,7 @@ NODES = {
 @app.command()
 def live(
     mission: Annotated[
-        str, typer.Option(help="Name or path of the mission; default: as the simulator says.")
+        str, typer.Option(help="Name or path of the mission; default: as announced by the flight.")
     ] = "",
     host: LiveHost = LOOPBACK,
     port: LivePort = 0,

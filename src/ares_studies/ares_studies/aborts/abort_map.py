@@ -23,7 +23,6 @@ from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
 from ares_studies.aborts.optimum import Optimizer
 from ares_studies.aborts.rows import FailureRow, failure_rows
 from ares_studies.closed_loop import fly_compiled, ready_law
-from ares_studies.flight_page.land import land_on
 from ares_studies.montecarlo.engines import cores
 from ares_vehicle_sim.arrays import IMPACT
 from ares_vehicle_sim.simulator import Simulator
@@ -145,8 +144,7 @@ class AbortMap:
     """Hold an abort map.
 
     Attributes:
-        mission: name.
-        title: of the mission.
+        mission: flown mission.
         law: guidance law.
         step_s: interval between failure times, s.
         safe_perigee_altitude_m: lowest perigee of a lasting orbit.
@@ -154,18 +152,17 @@ class AbortMap:
         rows: one per failure.
         areas: outlines of the areas that impacts must avoid, by name: latitude and longitude in
             deg, the first corner repeated at the end.
-        land: whether the body is the Earth, with known longitudes.
+        way: navigation states of the flight without failure, shape (n,), dtype NAVIGATION.
     """
 
-    mission: str
-    title: str
+    mission: Mission
     law: str
     step_s: float
     safe_perigee_altitude_m: float
     nominal: Reached
     rows: tuple[MapRow, ...]
     areas: Mapping[str, Outline]
-    land: bool
+    way: NDArray[np.void]
 
     @property
     def points(self) -> list[Point]:
@@ -209,7 +206,7 @@ class AbortMap:
     def to_json(self) -> dict[str, Any]:
         """Return an object for ``json.dumps(allow_nan=False)``."""
         return {
-            "mission": self.mission,
+            "mission": self.mission.name,
             "law": self.law,
             "step_s": self.step_s,
             "safe_perigee_altitude_m": self.safe_perigee_altitude_m,
@@ -439,14 +436,12 @@ class MapMaker:
         )
         settings = self._settings
         return AbortMap(
-            self._mission.name,
-            self._mission.title,
+            self._mission,
             settings.law,
             settings.step_s,
             self._judge.safe_perigee_altitude_m,
             self._nominal,
             rows,
             outlines(self._mission),
-            self._mission.zero_longitude_deg is not None
-            and bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
+            self._way,
         )

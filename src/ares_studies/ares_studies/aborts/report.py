@@ -11,7 +11,8 @@ from typing import Any
 from ares_models.judge import End
 from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
 from ares_studies.aborts.ends import Reached
-from ares_studies.flight_page.land import coasts, outlines, read_land
+from ares_studies.flight_page.globe import Globe, spot, way_beside_others
+from ares_studies.flight_page.land import land_on
 from ares_studies.pages.parts import (
     Axis,
     Cell,
@@ -48,8 +49,13 @@ WHO: tuple[tuple[str, str, Role], ...] = (
 _LEAST_WIDTH = 0.8
 #: Ticks below the map.
 _TICKS = 6
-#: Margin around the impact points on the map, deg.
-_BESIDE_DEG = 8.0
+#: Largest initial zoom of the globe.
+_NEAREST = 5.0
+
+#: Labels and colours on the globe.
+_OUTSIDE: tuple[str, Role] = ("falls outside the areas", "here")
+_INSIDE: tuple[str, Role] = ("falls inside one", "thesis")
+_NOMINAL: tuple[str, Role] = ("the flight in which nothing fails", "other")
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,25 @@ class Strip:
 
 
 @dataclass(frozen=True)
+class Falls:
+    """Hold the impacts of flights that reach no orbit.
+
+    Attributes:
+        text: summary.
+        globe: the impacts, the areas, and the flight without failure.
+        key: labels, colours, numbers and shapes on the globe.
+        placed: whether the mission defines longitude zero.
+        table: number of impacts in each area.
+    """
+
+    text: str
+    globe: Globe
+    key: tuple[tuple[str, Role, int, Shape], ...]
+    placed: bool
+    table: Table
+
+
+@dataclass(frozen=True)
 class MapReport:
     """Hold the contents of the page.
 
@@ -92,6 +117,7 @@ class MapReport:
         strips: the map, by failure.
         ticks: times below it: percent of the width, and label.
         chapters: figures and tables.
+        falls: where flights that reach no orbit fall; None: all reach one.
     """
 
     title: str
@@ -100,6 +126,7 @@ class MapReport:
     strips: Mapping[str, tuple[Strip, ...]]
     ticks: tuple[tuple[float, str], ...]
     chapters: tuple[Chapter, ...]
+    falls: Falls | None
 
     @property
     def key(self) -> list[tuple[Role, str]]:
@@ -113,7 +140,9 @@ class MapReport:
 
 def render(report: MapReport) -> str:
     """Render the page as one self-contained file."""
-    data = {"chapters": [asdict(chapter) for chapter in report.chapters]}
+    data: dict[str, Any] = {"chapters": [asdict(chapter) for chapter in report.chapters]}
+    if report.falls is not None:
+        data["globe"] = asdict(report.falls.globe)
     return render_report(make_environment(__package__), report, one_line(data))
 
 
@@ -151,19 +180,18 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
             _named("table", 1, [_ends_table(made), _beyond_table(made)]),
         ),
     )
-    if made.outside.of:
-        chapters += (_falls_chapter(made, 1 + len(figures) + len(lacking)),)
     # leave out empty chapters
     chapters = tuple(
         replace(chapter, number=k) for k, chapter in enumerate((c for c in chapters if c.items), 1)
     )
     return MapReport(
-        made.title,
+        made.mission.title,
         facts,
         _headline(made),
         {row.name: tuple(_strip(made, row, *who[:2]) for who in WHO) for row in made.rows},
         _ticks(_span(made)),
         chapters,
+        _falls(made) if made.outside.of else None,
     )
 
 
@@ -383,57 +411,62 @@ def _lacking_figures(rows: list[MapRow]) -> list[Item]:
 # ---- impact points
 
 
-def _falls_chapter(made: AbortMap, figure: int) -> Chapter:
-    text = (
-        "Where flights that reach no orbit would fall, without air. Longitudes are as on the "
-        "globe of a flight."
-    )
+def _falls(made: AbortMap) -> Falls:
+    text = "Where flights that reach no orbit would fall, without air."
     if made.areas:
         share = made.outside
         text += (
             f" Outside all {len(made.areas)} areas of the mission fall {share.count:,} of "
             f"{share.of:,}, {share.percent:.2f} %."
         )
-    items = (*_named("figure", figure, [_falls_figure(made)]), *_named("table", 3, [_falls(made)]))
-    return Chapter(4, "Where it falls", text, items)
-
-
-def _falls_figure(made: AbortMap) -> Item:
-    fallen = [point.flown for point in made.points if point.flown.falls]
-    series = []
-    if made.land:
-        series.append(coasts(read_land()))
+    globe = _globe(made)
+    outside = _OUTSIDE if made.areas else ("falls", _OUTSIDE[1])
+    key = globe.key((outside, _INSIDE, _NOMINAL))
     if made.areas:
-        series.append(outlines("areas", "other", made.areas.values()))
-    kinds: tuple[tuple[str, Role, bool], ...] = (
-        ("flown, outside the areas" if made.areas else "flown", "here", False),
-        ("flown, inside one", "thesis", True),
+        key.append(("areas", _INSIDE[1], len(made.areas), "line"))
+    placed = made.mission.zero_longitude_deg is not None
+    return Falls(text, globe, tuple(key), placed, _fall_table(made))
+
+
+def _globe(made: AbortMap) -> Globe:
+    way = made.way
+    flights = [
+        # the first one lies at the back
+        way_beside_others(made.mission, way["time"], way["position"], *_NOMINAL, faint=False)
+    ]
+    for row in made.rows:
+        for point in row.points:
+            if not point.flown.falls:
+                continue
+            where = f", in {point.flown.area}" if point.flown.area else ""
+            role = _INSIDE[1] if point.flown.area else _OUTSIDE[1]
+            name = f"{row.name} at {point.at_s:.6g} s: falls at {_place(*point.flown.impact_deg)}"
+            flights.append(spot(name + where, role, *point.flown.impact_deg))
+    return Globe(
+        flights=tuple(flights),
+        land=land_on(made.mission.environment.earth.equatorial_radius_m),
+        ends=("",) * len(flights),
+        nearest=_NEAREST,
+        areas=tuple(
+            tuple(
+                round(angle, 2) for latitude, longitude in ring for angle in (longitude, latitude)
+            )
+            for ring in made.areas.values()
+        ),
     )
-    for name, role, inside in kinds:
-        spots = [reached.impact_deg for reached in fallen if bool(reached.area) is inside]
-        if spots:
-            x = tuple(round(longitude, 2) for _, longitude in spots)
-            y = tuple(round(latitude, 2) for latitude, _ in spots)
-            series.append(Series(name, role, "cloud", x, y))
-    longitudes = [reached.impact_deg[1] for reached in fallen]
-    latitudes = [reached.impact_deg[0] for reached in fallen]
-    figure = Figure(
-        Axis("longitude", "deg", span=_around(longitudes, 180.0)),
-        Axis("latitude", "deg", span=_around(latitudes, 90.0)),
-        tuple(series),
-    )
-    return Item("", "figure", "", "Impact points", "", figure, wide=True)
 
 
-def _around(values: list[float], most: float) -> tuple[float, float]:
-    return max(-most, min(values) - _BESIDE_DEG), min(most, max(values) + _BESIDE_DEG)
+def _place(latitude_deg: float, longitude_deg: float) -> str:
+    north = "S" if latitude_deg < 0.0 else "N"
+    east = "W" if longitude_deg < 0.0 else "E"
+    return f"{abs(latitude_deg):.2f}° {north}, {abs(longitude_deg):.2f}° {east}"
 
 
-def _falls(made: AbortMap) -> Item:
+def _fall_table(made: AbortMap) -> Table:
     fallen = Counter(point.flown.area for point in made.points if point.flown.falls)
     names = {"": "outside all areas", **{name: name for name in made.areas}}
     rows = [Row(text, (Cell(f"{fallen[name]:,}", fallen[name]),)) for name, text in names.items()]
-    return Item("", "table", "", "Flights that fall", "", Table((Column("flown"),), tuple(rows)))
+    return Table((Column("flights that fall"),), tuple(rows))
 
 
 def _seen(items: list[Item]) -> list[Item]:

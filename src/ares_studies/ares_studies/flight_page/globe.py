@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Make the globe: tracks in longitude, latitude and height, and the land below."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.mission import Mission
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import Flight, Phase
+from ares_studies.flight_page.geometry import ground_track
 from ares_studies.flight_page.land import land_on
-from ares_studies.pages.parts import Role
+from ares_studies.pages.parts import Role, Shape
 
 
 @dataclass(frozen=True)
@@ -65,12 +67,86 @@ class Globe:
         land: rings of alternating longitude and latitude, deg; empty unless the body is the Earth.
         ends: label of the last mark of each flight.
         nearest: largest initial zoom; 1: the whole globe.
+        areas: outlines of the areas that impacts must avoid, as `land`.
     """
 
     flights: tuple[GlobeFlight, ...]
     land: tuple[tuple[float, ...], ...]
     ends: tuple[str, ...]
     nearest: float = 1.0
+    areas: tuple[tuple[float, ...], ...] = ()
+
+    def key(self, kinds: Iterable[tuple[str, Role]]) -> list[tuple[str, Role, int, Shape]]:
+        """Return labels, colours, numbers and shapes of the kinds of flights on it.
+
+        Args:
+            kinds: name and colour of each.
+        """
+        found: list[tuple[str, Role, int, Shape]] = []
+        for name, role in kinds:
+            flights = [flight for flight in self.flights if flight.role == role]
+            if flights:
+                found.append((name, role, len(flights), "line" if flights[0].ways else "cloud"))
+        return found
+
+
+#: Points of a track beside others.
+_POINTS = 60
+
+
+def way_beside_others(
+    mission: Mission,
+    time_s: NDArray[np.float64],
+    position: NDArray[np.float64],
+    name: str,
+    role: Role,
+    *,
+    faint: bool,
+) -> GlobeFlight:
+    """Make one of several flights on a globe from its states, thinned.
+
+    Args:
+        mission: that was flown.
+        time_s: mission elapsed time, shape (n,), s.
+        position: inertial, shape (n, 3), m.
+        name: for who points at it.
+        role: decides the colour.
+        faint: one of many.
+    """
+    kept = np.unique(np.linspace(0, len(time_s) - 1, _POINTS).astype(int))
+    time_s, position = time_s[kept], position[kept]
+    track = ground_track(time_s, position, mission.earth())
+    radius = mission.environment.earth.equatorial_radius_m
+    return GlobeFlight(
+        name=name,
+        role=role,
+        time_s=rounded(time_s, 1),
+        latitude_deg=rounded(track.latitude_deg, 3),
+        longitude_deg=rounded(track.longitude_deg, 3),
+        height=rounded(np.linalg.norm(position, axis=1) / radius - 1.0, 5),
+        ways=(Way(name, role, 0, len(kept) - 1),),
+        impact_time_s=(),
+        impact_latitude_deg=(),
+        impact_longitude_deg=(),
+        faint=faint,
+    )
+
+
+def spot(name: str, role: Role, latitude_deg: float, longitude_deg: float) -> GlobeFlight:
+    """Make a place on the ground, of which there are many."""
+    return GlobeFlight(
+        name=name,
+        role=role,
+        time_s=(0.0,),
+        latitude_deg=(round(latitude_deg, 2),),
+        longitude_deg=(round(longitude_deg, 2),),
+        height=(0.0,),
+        ways=(),
+        impact_time_s=(),
+        impact_latitude_deg=(),
+        impact_longitude_deg=(),
+        faint=True,
+    )
 
 
 def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:

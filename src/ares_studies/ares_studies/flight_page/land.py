@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from typing import Any
 
-from ares_studies.pages.parts import Role, Series
+from ares_studies.pages.parts import Series
 
 LAND = "land.json"
 #: Radius of the Earth, m, and relative difference within which a body is the Earth.
@@ -15,7 +15,6 @@ _LIKE_THE_EARTH = 0.01
 
 #: Bounds: west, east, south, north, deg.
 Box = tuple[float, float, float, float]
-EVERYWHERE: Box = (-180.0, 180.0, -90.0, 90.0)
 
 
 def read_land() -> tuple[tuple[float, ...], ...]:
@@ -29,39 +28,20 @@ def land_on(radius_m: float) -> tuple[tuple[float, ...], ...]:
     return read_land() if abs(radius_m / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
 
 
-def coasts(rings: Iterable[Sequence[float]], box: Box = EVERYWHERE) -> Series:
-    """Make a map's series of coasts.
+def coasts(rings: Iterable[Sequence[float]], box: Box) -> Series:
+    """Make a map's series of coasts, broken between them, at 180 deg and outside the box.
 
     Args:
         rings: alternating longitude and latitude, deg.
-        box: clips them; longitudes may exceed 180.
-    """
-    places = [tuple(zip(ring[1::2], ring[::2], strict=True)) for ring in rings]
-    return outlines("land", "quiet", places, box)
-
-
-def outlines(
-    name: str,
-    role: Role,
-    rings: Iterable[Iterable[tuple[float, float]]],
-    box: Box = EVERYWHERE,
-) -> Series:
-    """Make one series of closed lines, broken between them, at 180 deg and outside the box.
-
-    Args:
-        name: for the legend.
-        role: sets the colour.
-        rings: latitude and longitude of their points, deg.
         box: clips them; longitudes may exceed 180.
     """
     west, east, south, north = box
     x: list[float | None] = []
     y: list[float | None] = []
     for ring in rings:
-        places = list(ring)
         for turn in (-360.0, 0.0, 360.0):
             before = None
-            for latitude, longitude in places:
+            for longitude, latitude in zip(ring[::2], ring[1::2], strict=True):
                 shown = west <= longitude + turn <= east and south <= latitude <= north
                 if shown and before is not None and abs(longitude - before) <= 180.0:
                     x.append(round(longitude + turn, 2))
@@ -70,4 +50,4 @@ def outlines(
                     x += [None, round(longitude + turn, 2)]
                     y += [None, round(latitude, 2)]
                 before = longitude if shown else None
-    return Series(name, role, "line", tuple(x), tuple(y))
+    return Series("land", "quiet", "line", tuple(x), tuple(y))

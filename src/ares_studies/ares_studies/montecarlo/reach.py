@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ares_optimizer.solution import Status
+from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.table import Outcome
@@ -57,13 +57,17 @@ def reach(settings: Settings, flight: int) -> Reach:
     true, vehicle = true_vehicle(
         mission, settings.options, settings.dispersions, settings.seed, flight
     )
-    optimum = solve(
-        true,
-        "indirect",
-        state=vehicle.navigation,
-        heating=mission.heating_limit_holds,
-        time_limit_s=TIME_LIMIT,
-    )
+    try:
+        optimum = solve(
+            true,
+            "indirect",
+            state=vehicle.navigation,
+            heating=mission.heating_limit_holds,
+            time_limit_s=TIME_LIMIT,
+        )
+    except OptimizerError as error:
+        # what was drawn is no state to begin with, such as one below the ground
+        return Reach(None, math.nan, str(error))
     if optimum.converged:
         return Reach(True, optimum.m_f_kg, "")
     within = False if optimum.status is Status.INFEASIBLE else None

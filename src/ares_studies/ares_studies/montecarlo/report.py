@@ -2,7 +2,6 @@
 """Compose a campaign's page: results, influences, and the flights worth a second look."""
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
@@ -144,16 +143,14 @@ class CampaignReport:
     command: str
 
     @property
-    def globe_key(self) -> list[tuple[str, Role, int]]:
-        """Return names, colours and numbers of the flights on the globe."""
-        counts = Counter(flight.role for flight in self.globe.flights)
-        kinds = (ARRIVED, FAILED, NOMINAL)
-        return [(name, role, counts[role]) for name, role in kinds if counts[role]]
+    def globe_key(self) -> list[tuple[str, Role, int, Shape]]:
+        """Return labels, colours, numbers and shapes of the flights on the globe."""
+        return self.globe.key((ARRIVED, FAILED, NOMINAL))
 
     @property
     def globe_text(self) -> str:
         """Describe the flights on the globe."""
-        counts = {name: count for name, _, count in self.globe_key}
+        counts = {name: count for name, _, count, _ in self.globe_key}
         arrived = counts.get(ARRIVED[0], 0)
         text = f"{arrived:,} flights of those that arrived, evenly spread"
         if failed := counts.get(FAILED[0], 0):

@@ -1,17 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A flight that is pointed at on the globe says which one it is.
-const said = document.querySelector(".pointed");
-const asked = said.textContent;
-function point(event) {
-  const box = globe.canvas.getBoundingClientRect();
-  const flight = globe.nearest(event.clientX - box.left, event.clientY - box.top);
-  if (flight === (globe.pointed || null)) return;
-  globe.pointed = flight;
-  said.textContent = flight ? flight.name : asked;
-  globe.draw();
-}
-
-// a flight that is pressed, on a figure or beside a command, has its command copied
+// A flight that is pressed, on a figure or beside a command, has its command copied
 const note = document.querySelector(".copied");
 let fading = 0;
 async function copy(command) {
@@ -44,5 +32,3 @@ document.addEventListener("drawn", () => {
 document.querySelectorAll(".case button").forEach((button) => {
   button.addEventListener("click", () => copy(button.previousElementSibling.textContent));
 });
-globe.canvas.addEventListener("pointermove", point);
-globe.canvas.addEventListener("pointerdown", point);

@@ -5,12 +5,9 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ares_models.mission import Mission
 from ares_studies.closed_loop import ready_law
-from ares_studies.flight_page.geometry import ground_track
-from ares_studies.flight_page.globe import Globe, GlobeFlight, Way, rounded
+from ares_studies.flight_page.globe import Globe, GlobeFlight, way_beside_others
 from ares_studies.flight_page.land import land_on
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.statistics import Summary
@@ -21,9 +18,6 @@ from ares_vehicle_sim.simulator import CommandRefused, Simulator
 #: Sampling interval of repeated flights; their least and greatest number.
 ONE_OF = 200
 FEWEST, MOST = 20, 100
-#: Points of a track.
-POINTS = 60
-
 #: Largest initial zoom of the globe, on which the tracks are close to each other.
 NEAREST = 5.0
 
@@ -88,25 +82,7 @@ class _Refly:
             with suppress(CommandRefused):
                 simulator.command(law.steering)
             simulator.advance()
-        return _on_globe(settings.mission, np.array(rows), name, role)
-
-
-def _on_globe(mission: Mission, rows: NDArray[np.float64], name: str, role: Role) -> GlobeFlight:
-    """Convert states, time and position, shape (n, 4), to a track on the globe."""
-    kept = rows[np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))]
-    time, position = kept[:, 0], kept[:, 1:]
-    track = ground_track(time, position, mission.earth())
-    radius = mission.environment.earth.equatorial_radius_m
-    return GlobeFlight(
-        name=name,
-        role=role,
-        time_s=rounded(time, 1),
-        latitude_deg=rounded(track.latitude_deg, 3),
-        longitude_deg=rounded(track.longitude_deg, 3),
-        height=rounded(np.linalg.norm(position, axis=1) / radius - 1.0, 5),
-        ways=(Way(name, role, 0, len(kept) - 1),),
-        impact_time_s=(),
-        impact_latitude_deg=(),
-        impact_longitude_deg=(),
-        faint=role != NOMINAL[1],
-    )
+        states = np.array(rows)
+        return way_beside_others(
+            settings.mission, states[:, 0], states[:, 1:], name, role, faint=role != NOMINAL[1]
+        )

@@ -60,6 +60,7 @@ class Globe {
     this.canvas = canvas;
     this.pen = canvas.getContext("2d");
     this.land = EARTH.land.map(ringPoints);
+    this.areas = EARTH.areas.map(ringPoints);
     this.lines = graticule();
     this.load();
     this.home = this.firstView();
@@ -185,6 +186,7 @@ class Globe {
     this.fillLand();
     this.strokes(this.lines, colours.edge, 0.7);
     this.strokes(this.land, colours.quiet, 0.9, [], true);
+    this.strokes(this.areas, colours.thesis, 1.6, [], true);
     pen.beginPath();
     pen.arc(this.x, this.y, this.radius, 0, 2 * Math.PI);
     pen.strokeStyle = colours.edge;
@@ -438,6 +440,22 @@ function handle(globe) {
   });
 }
 
+// a flight that is pointed at says which one it is, where the page has a place for that
+function name(globe, said) {
+  const asked = said.textContent;
+  const point = (event) => {
+    const box = globe.canvas.getBoundingClientRect();
+    const flight = globe.nearest(event.clientX - box.left, event.clientY - box.top);
+    if (flight === (globe.pointed || null)) return;
+    globe.pointed = flight;
+    said.textContent = flight ? flight.name : asked;
+    globe.draw();
+  };
+  globe.canvas.addEventListener("pointermove", point);
+  globe.canvas.addEventListener("pointerdown", point);
+}
+
 const globe = new Globe(document.querySelector(".scene canvas"));
 handle(globe);
+document.querySelectorAll(".pointed").forEach((said) => name(globe, said));
 document.addEventListener("drawn", () => globe.paint());

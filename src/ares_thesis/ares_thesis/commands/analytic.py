@@ -18,7 +18,7 @@ from ares_bringup.commands.optimize import (
     arc_table,
     constraint_table,
     plain_table,
-    proof_lines,
+    proof_facts,
 )
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, number
@@ -158,8 +158,8 @@ def _print(
     out.print(Text("its steering, flown open loop:"))
     out.print(constraint_table(mission, solution))
     out.print()
-    for line in proof_lines(solution):
-        out.print(line, soft_wrap=True)
+    for name, text in proof_facts(solution).items():
+        out.print(f"{name}: {text}", soft_wrap=True)
 
 
 def _comparison(

@@ -80,6 +80,15 @@ FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
   };
 })"""
 
+#: End of a flight's track on the globe, px of the page: of the first whose name begins so.
+PLACE = """(name) => {
+  const flight = globe.flights.find((one) => one.name.startsWith(name));
+  const box = globe.canvas.getBoundingClientRect();
+  const last = flight.height.length - 1;
+  const [x, y] = globe.at(flight.ground, last, 1 + flight.height[last]);
+  return [box.left + x, box.top + y];
+}"""
+
 #: Least contrast of a text with its background; least font size, px.
 LEAST_CONTRAST = 4.5
 LEAST_FONT_PX = 12.0

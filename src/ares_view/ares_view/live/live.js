@@ -52,6 +52,7 @@ function take(message) {
   }
   if (message.kind === "end") {
     live.over = true;
+    if (live.about) showAfter();
     return;
   }
   live.age = message.age_s;
@@ -119,6 +120,7 @@ function showAbout() {
   byId("who").textContent = flight ? `, ${flight}${law ? `, guidance ${law}` : ""}` : "";
   byId("note").textContent = note;
   byId("note").hidden = !note;
+  showAfter();
   globe.land = land ? LAND : [];
   byId("phase").textContent = phases.length ? phases.at(-1).name : "–";
   const usable = controls && live.connected && !live.about.end;
@@ -139,6 +141,20 @@ function showAbout() {
     entry.append(sign.cloneNode(true), name);
     return entry;
   }));
+}
+
+// what it came to, and where its report is: a link while the server can make it
+function showAfter() {
+  const { verdict, shortcomings, exit_status, report: by, no_report } = live.about;
+  byId("after").hidden = !(verdict || by || no_report);
+  byId("missed").hidden = !shortcomings.length;
+  byId("missed").replaceChildren(...shortcomings.map((line) => element("li", line)));
+  byId("exit").hidden = !exit_status;
+  byId("exit").textContent = `Exit status ${exit_status}.`;
+  const served = by && live.connected && !live.over;
+  byId("to-report").hidden = !served;
+  byId("no-report").hidden = Boolean(served);
+  byId("no-report").replaceChildren(...(by ? ["Its report: ", element("code", by)] : [no_report]));
 }
 
 // ---- how things stand

@@ -10,6 +10,7 @@ import webbrowser
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,14 +23,16 @@ from rclpy.exceptions import InvalidServiceNameException
 from rclpy.executors import Executor
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from ares_models.mission import Mission, MissionError, list_missions, load_mission
+from ares_models.mission import Mission, MissionError, load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus, VehicleState
 from ares_node.diagnostics import (
+    EXIT_STATUS,
     GOOD,
     NODE,
     PACE,
     PAGES,
     PAUSED,
+    SHORTCOMINGS,
     VERDICT,
     Timing,
     hardware_id,
@@ -54,8 +57,10 @@ from ares_node.qos import (
 from ares_node.states import StateMessage, Unreadable, message_of
 from ares_node.time import NANOSECONDS, seconds_from_stamp
 from ares_view.live.address import LOOPBACK, AddressError, listen
+from ares_view.live.flight_report import NoReport, ReportMaker, command, find_bag
 from ares_view.live.server import LiveServer
 from ares_view.live.story import Story
+from ares_view.told_mission import told_mission
 
 #: Wall time in s between updates of the pages.
 UPDATE_PERIOD = 0.05
@@ -67,6 +72,8 @@ RATE_PERIOD = 1.0
 PAGES_PERIOD = 0.25
 #: Wall time in s without a state after which another flight may be shown.
 QUIET = 2.0
+#: Wall time in s without an open page before the process ends; a reload takes less.
+PAGES_LEFT = 3.0
 #: Wall time in s for the pages to receive the last message.
 GOODBYE = 1.0
 
@@ -80,7 +87,17 @@ LAWS = {
 
 PARAMETERS = (
     FLIGHT_ID,
-    Parameter("mission", "", "Mission that is flown: name, or path of its file; empty: as said."),
+    Parameter(
+        "mission",
+        "",
+        "Mission that is flown: name, or path; empty: as announced by the flight.",
+    ),
+    Parameter(
+        "bag",
+        "",
+        "Bag of the flight, for its report, or a folder of bags with it; empty: none.",
+    ),
+    Parameter("end_with_pages", False, "End when the flight is over and no page is open."),
     Parameter("host", LOOPBACK, "Address to serve on; beyond this machine with a token."),
     Parameter("port", 0, "Port to serve on; 0: a free one.", minimum=0, maximum=65535),
     Parameter("open_browser", False, "Open the page."),
@@ -117,6 +134,9 @@ class LiveNode(FlightNode):
         self._read, self._fields = layout.read, layout.fields
         self._last_sequence = -1
         self._simulators: dict[int, FlightMember] = {}
+        self._recorders: dict[int, FlightMember] = {}
+        self._looked_for_report = False
+        self._seen_at = -math.inf
         self._setter: Client | None = None
         self._commands: queue.SimpleQueue[tuple[str, float, Callable[[str], None]]]
         self._commands = queue.SimpleQueue()
@@ -169,11 +189,22 @@ class LiveNode(FlightNode):
     # ---- choice of the flight
 
     def _on_member(self, member: FlightMember) -> None:
-        if member.role != Role.VEHICLE_SIM or not member.flight_id:
+        if not member.flight_id or member.role not in (Role.VEHICLE_SIM, Role.RECORDER):
             return
-        self._simulators[int(member.flight_id)] = member
-        if len(self._simulators) > MOST_HEARD:
-            del self._simulators[next(iter(self._simulators))]
+        recorder = member.role == Role.RECORDER
+        heard = self._recorders if recorder else self._simulators
+        heard[int(member.flight_id)] = member
+        if len(heard) > MOST_HEARD:
+            del heard[next(iter(heard))]
+        if recorder:
+            return
+        if member.flight_id == self._shown and not self._story.mission_known:
+            # a node that joins in flight may receive states first
+            mission, note = self._mission_of(self._shown)
+            if mission is None:
+                self._story.update(note=note)
+            else:
+                self._story.learn(mission)
         if member.state in (State.PRESENT, State.READY, State.FLYING):
             self._turn_to(int(member.flight_id))
         elif member.flight_id == self._shown:
@@ -193,18 +224,22 @@ class LiveNode(FlightNode):
         self._shown = flight_id
         self._last_sequence = -1
         self._rate_from = None
-        mission, note = self._mission, ""
-        simulator = self._simulators.get(flight_id)
-        if mission is None and simulator is not None:
-            # shipped missions only: a name from the graph must not open a file
-            if simulator.mission in list_missions():
-                mission = load_mission(simulator.mission)
-            else:
-                note = f"Mission {simulator.mission} is not among those here"
-        if mission is None:
-            note = f"{note or 'The mission was not told'}: its names and limits are not known."
-        self._story.begin(flight_id, mission, note)
+        self._looked_for_report = False
+        self._server.report = None
+        self._story.begin(flight_id, *self._mission_of(flight_id))
         self._forget_setter()
+
+    def _mission_of(self, flight_id: int) -> tuple[Mission | None, str]:
+        """Return the mission: the given one, else the announced one; or None and the reason."""
+        if self._mission is not None:
+            return self._mission, ""
+        simulator = self._simulators.get(flight_id)
+        try:
+            if simulator is None:
+                raise MissionError("the mission", ["was not told"])
+            return told_mission(simulator), ""
+        except MissionError as error:
+            return None, f"Names and limits are not known: {error}."
 
     # ---- subscriptions
 
@@ -235,20 +270,63 @@ class LiveNode(FlightNode):
             self._story.update(pace=pace, paused=said.get(PAUSED) == str(True))
             self._control(said.get(NODE, ""))
         if VERDICT in said:
-            self._story.update(verdict=said[VERDICT], good=said.get(GOOD) == str(True))
+            self._story.update(
+                verdict=said[VERDICT],
+                good=said.get(GOOD) == str(True),
+                shortcomings=said.get(SHORTCOMINGS, "").splitlines(),
+                exit_status=said.get(EXIT_STATUS, ""),
+            )
 
     def _on_look(self) -> None:
         """Show queued messages and send the news to the pages."""
         self._take_states()
         self._take_statuses()
         self._obey()
+        if self._bag_is_closed() and not self._looked_for_report:
+            self._looked_for_report = True
+            self._look_for_report()
         now = time.monotonic()
+        self._end_unseen(now)
         if now - self._pages_said_at > PAGES_PERIOD and self._last_sequence < 0:
             # the launcher may wait for the first page
             self._pages_said_at = now
             words = {PAGES: self._server.pages}
             self._timing_out.publish(timing(self, self._shown, words))
         self._server.notify()
+
+    # ---- end of the flight
+
+    def _bag_is_closed(self) -> bool:
+        """Return True when the flight is over and its recorder has finished."""
+        if self._story.judged or not self._story.ended:
+            return self._story.judged
+        recorder = self._recorders.get(self._shown)
+        return recorder is None or recorder.state in (State.OVER, State.FAILED, State.LEFT)
+
+    def _look_for_report(self) -> None:
+        """Find the bag, from which the server makes the report on demand."""
+        flown = self._shown in self._simulators
+        where = self.values["bag"]
+        try:
+            if flown and self._shown not in self._recorders:
+                raise NoReport("There is no report: the flight was flown without a bag.")
+            if not where:
+                raise NoReport("There is no report here: this page knows of no bag.")
+            bag = find_bag(Path(where), self._shown)
+        except NoReport as error:
+            self._story.update(no_report=str(error))
+        else:
+            self._server.report = ReportMaker(bag)
+            self._story.update(report=command(bag))
+
+    def _end_unseen(self, now: float) -> None:
+        """End the process when the flight is over and no page is open, if so configured."""
+        if not self._server.unseen:
+            self._seen_at = now
+        # a replay has neither judge nor simulator
+        over = self._story.judged or (self._story.ended and self._shown not in self._simulators)
+        if self.values["end_with_pages"] and over and now - self._seen_at > PAGES_LEFT:
+            self.finish()
 
     def _take_states(self) -> None:
         taken: list[tuple[float, int, Any]] = []

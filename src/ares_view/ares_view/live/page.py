@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 
 from ares_studies import flight_page
+from ares_studies.flight_page.globe import Globe
 from ares_studies.flight_page.land import read_land
 from ares_studies.pages.parts import Axis, Figure, Item, Role, Series, Shape
 from ares_studies.pages.templates import PALETTES, embedded, make_environment, one_line
@@ -136,7 +137,7 @@ def render(query: str) -> str:
     ]
     data = {
         "chapters": [{"items": figures}],
-        "globe": {"flights": [], "land": read_land(), "ends": [""], "nearest": 1.0},
+        "globe": asdict(Globe((), read_land(), ("",))),
         "states": STATE_FIELDS,
         "statuses": STATUS_FIELDS,
     }

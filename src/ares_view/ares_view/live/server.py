@@ -23,6 +23,7 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from ares_view.live.address import Access
+from ares_view.live.flight_report import NoReport, ReportMaker
 from ares_view.live.page import render
 from ares_view.live.story import Seen, Story
 
@@ -107,6 +108,19 @@ class _Plotly(_Guarded):
         self.set_header("Cache-Control", "private, max-age=3600")
         script = files(plotly_package).joinpath("package_data", "plotly.min.js")
         self.finish(script.read_bytes())
+
+
+class _Report(_Guarded):
+    async def get(self) -> None:
+        maker = self.live.report
+        try:
+            if maker is None:
+                raise NoReport("There is no report yet: no recorded flight has ended.")
+            self.finish(await maker.page())
+        except NoReport as error:
+            self.set_status(404)
+            self.set_header("Content-Type", "text/plain; charset=utf-8")
+            self.finish(f"{error}\n")
 
 
 class _Socket(_Guarded, WebSocketHandler):
@@ -219,6 +233,7 @@ class LiveServer:
         story: the flight shown.
         obey: gets commands, in the server's thread.
         sockets: the open pages.
+        report: makes the report of the flight; None without a closed bag.
     """
 
     def __init__(self, listener: socket.socket, story: Story, obey: Obey) -> None:
@@ -233,6 +248,7 @@ class LiveServer:
         self.story = story
         self.obey = obey
         self.sockets: set[_Socket] = set()
+        self.report: ReportMaker | None = None
         self._listener = listener
         self._started: Future[None] = Future()
         self._thread = threading.Thread(target=self._run, name="live", daemon=True)
@@ -243,6 +259,11 @@ class LiveServer:
     def pages(self) -> int:
         """Return the number of open pages."""
         return len(self.sockets)
+
+    @property
+    def unseen(self) -> bool:
+        """Return True while no page is open and no report is being made."""
+        return not self.sockets and not (self.report is not None and self.report.busy)
 
     def notify(self) -> None:
         """Send the news to all pages."""
@@ -274,7 +295,7 @@ class LiveServer:
         self._loop = asyncio.get_running_loop()
         self._over: asyncio.Future[float] = self._loop.create_future()
         application = Application(
-            [("/", _Page), ("/plotly.js", _Plotly), ("/socket", _Socket)],
+            [("/", _Page), ("/plotly.js", _Plotly), ("/report", _Report), ("/socket", _Socket)],
             live=self,
             websocket_max_message_size=MAX_COMMAND,
             log_function=lambda _handler: None,
@@ -287,6 +308,8 @@ class LiveServer:
         patience = await self._over
         beat.stop()
         server.stop()
+        if self.report is not None:
+            self.report.end()
         goodbyes = [asyncio.ensure_future(page.say_goodbye()) for page in tuple(self.sockets)]
         if goodbyes:
             await asyncio.wait(goodbyes, timeout=patience)

@@ -131,6 +131,7 @@ class Story:
         self._mission_known = mission is not None
         self._states, self._statuses = Rows(), Rows()
         self._events: list[dict[str, Any]] = []
+        self._heard: list[tuple[int, int, float, float]] = []
         self._complaints: dict[tuple[str, str, str], list[Any]] = {}
         self._complaint_version = 0
         self._phases: list[dict[str, Any]] = []
@@ -149,6 +150,10 @@ class Story:
             "end": "",
             "verdict": "",
             "good": False,
+            "shortcomings": [],
+            "exit_status": "",
+            "report": "",
+            "no_report": "",
             "note": "",
         }
 
@@ -167,13 +172,37 @@ class Story:
             self._flight += 1
             self._update(note=note)
 
+    def learn(self, mission: Mission) -> None:
+        """Restart the story with the mission of the flight, announced late; keep the events.
+
+        Args:
+            mission: flown mission.
+        """
+        with self._lock:
+            heard, complaints = self._heard, self._complaints
+            self.begin(self.flight_id, mission)
+            self._complaints = complaints
+            for event in heard:
+                self.add_event(*event)
+
+    @property
+    def mission_known(self) -> bool:
+        """Return True once the mission of the flight is known."""
+        return self._mission_known
+
     def _update(self, **words: Any) -> None:
         if any(self._about[name] != word for name, word in words.items()):
             self._about |= words
             self._about_version += 1
 
     def update(self, **words: Any) -> None:
-        """Update facts about the flight: `law`, `pace`, `paused`, `rate`, `verdict`, `good`."""
+        """Update facts about the flight.
+
+        Args:
+            words: `law`, `pace`, `paused`, `rate`; at its end `verdict`, `good`,
+                `shortcomings`, `exit_status`; `report`, the command for its report, or
+                `no_report`, the reason why there is none.
+        """
         with self._lock:
             self._update(**words)
 
@@ -251,6 +280,7 @@ class Story:
         with self._lock:
             if len(self._events) >= MAX_EVENTS:
                 return
+            self._heard.append((kind, index, moment, mass_kg))
             text = event_name(kind, index, *names)
             self._events.append(
                 {
@@ -279,6 +309,11 @@ class Story:
     def ended(self) -> bool:
         """Return whether the end of the flight was seen."""
         return bool(self._about["end"])
+
+    @property
+    def judged(self) -> bool:
+        """Return True once the verdict has arrived."""
+        return bool(self._about["verdict"])
 
     def age(self) -> float | None:
         """Return the wall time since the last state, s; None before the first."""

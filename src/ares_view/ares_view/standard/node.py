@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker
 
 from ares_bags.layout import stamp_of_cdr
 from ares_bags.types import flight_of_cdr
-from ares_models.mission import Mission, MissionError, list_missions, load_mission
+from ares_models.mission import Mission, MissionError, load_mission
 from ares_msgs.msg import (
     FlightEvent,
     FlightMember,
@@ -57,6 +57,7 @@ from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_view.standard import messages
 from ares_view.standard.frames import Array, Frames, turn_rate
 from ares_view.standard.trail import Trail
+from ares_view.told_mission import told_mission
 
 if TYPE_CHECKING:
     from ares_view.standard.foxglove_server import FoxgloveServer
@@ -118,8 +119,7 @@ PARAMETERS = (
     Parameter(
         "mission",
         "ares_v",
-        "Mission whose Earth is shown: name, or path of its file. A flight that says another "
-        "shipped mission is shown on that one's.",
+        "Mission whose Earth is shown where a flight does not tell its own: name, or path.",
     ),
     Parameter(
         "flight_id",
@@ -212,7 +212,7 @@ class ViewNode(FlightNode):
             raise NodeError(str(error)) from error
         self._states = StateMessage(VehicleState)
         self._frames = Frames(self.values["frame_prefix"])
-        self._missions: dict[int, str] = {}
+        self._simulators: dict[int, FlightMember] = {}
         self._foxglove = self._open(self.values["foxglove_port"])
         self._out = {
             name: self.create_publisher(kind, name, qos) for name, (kind, qos) in PUBLISHED.items()
@@ -260,9 +260,9 @@ class ViewNode(FlightNode):
 
     def _on_member(self, member: FlightMember) -> None:
         if member.role == Role.VEHICLE_SIM and member.flight_id:
-            self._missions[int(member.flight_id)] = member.mission
-            if len(self._missions) > MOST_HEARD:
-                del self._missions[next(iter(self._missions))]
+            self._simulators[int(member.flight_id)] = member
+            if len(self._simulators) > MOST_HEARD:
+                del self._simulators[next(iter(self._simulators))]
 
     def _admitted(self, flight_id: int, again: bool) -> Shown | None:
         """Return the flight shown if a message belongs to it, or switches to its flight; else None.
@@ -283,14 +283,14 @@ class ViewNode(FlightNode):
 
     def _begin(self, flight_id: int) -> Shown:
         """Show a flight from its beginning, in place of the previous one."""
-        mission, name = self._mission, self._missions.get(flight_id, "")
+        mission, simulator = self._mission, self._simulators.get(flight_id)
         complaint = ""
-        if name and name != mission.name:
-            # shipped missions only: a name from the graph must not open a file
-            if name in list_missions():
-                mission = load_mission(name)
-            else:
-                complaint = f"shown on the Earth of {mission.name}: no such mission here, {name}"
+        if simulator is not None:
+            try:
+                mission = told_mission(simulator)
+            except MissionError as error:
+                if simulator.mission not in ("", mission.name):
+                    complaint = f"shown on the Earth of {mission.name}: {error}"
         self._waiting = None
         self._shown = Shown(flight_id, mission, Trail(self.values["path_points"]))
         if self._foxglove is not None:
