@@ -235,7 +235,7 @@ def _headline(summary: Summary) -> Table:
         cells = (
             Cell(f"{count:,}", count),
             Cell(f"{100.0 * count / tally.n:.3f} %", count / tally.n),
-            Cell(f"{100.0 * low:.3f} to {100.0 * high:.3f} %"),
+            Cell(f"{100.0 * low:.3f} to {100.0 * high:.3f}\u00a0%"),
         )
         rows.append(Row(label, cells))
     columns = (Column("flights"), Column("share"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
