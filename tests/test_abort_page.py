@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from ares_studies.pages.testing import PLACE
+from ares_trials.testing.pages import PLACE
 
 
 def test_the_map_says_its_ends_in_words(open_file, page_of_map):

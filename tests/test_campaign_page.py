@@ -3,7 +3,7 @@
 
 import json
 
-from ares_studies.pages.testing import PLACE
+from ares_trials.testing.pages import PLACE
 
 
 def test_flights_that_failed_stand_apart(open_file, page_of_many):

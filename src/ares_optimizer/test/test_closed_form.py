@@ -60,7 +60,7 @@ class TestErrors:
             flight_errors(arrays, start, free_root.unknowns, TwoPointOptions(arc_length_s=0.0))
         early = free_root.unknowns.copy()
         early[6] = 300.0
-        with pytest.raises(OptimizerError, match="make no flight"):
+        with pytest.raises(OptimizerError, match="no flight is possible"):
             flight_errors(
                 arrays, start, early, TwoPointOptions(arc_length_s=5.0, heating=Heating.IGNORED)
             )
