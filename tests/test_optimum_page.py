@@ -55,7 +55,7 @@ def test_the_optimum_has_the_parts_of_a_flight_and_its_proof(transfer):
     assert "Constraints and their prices" in text
     assert re.search(r"<code>ares optimize</code>", text)
     facts = dict(re.findall(r"<dt>([^<]+)</dt><dd>([^<]+)</dd>", text))
-    assert facts["proof"].startswith("flown again by an independent integrator: within ")
+    assert facts["proof"].startswith("flown again by another integrator: within ")
     assert facts["Hamiltonian"].startswith("constant on each arc within ")
     assert re.fullmatch(r"\d+ iterations(, \d+ restarts)?, [\d.]+ ms", facts["search"])
     # burns where it is above zero, coasts where it is below

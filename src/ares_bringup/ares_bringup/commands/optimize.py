@@ -291,7 +291,7 @@ def proof_facts(solution: Solution) -> dict[str, str]:
     proof = solution.verification
     if proof is not None:
         facts["proof"] = (
-            "flown again by an independent integrator: within "
+            "flown again by another integrator: within "
             f"{proof.position_defect_m:.2g} m, {proof.velocity_defect_m_s:.2g} m/s, "
             f"{proof.mass_defect_kg:.2g} kg"
         )
