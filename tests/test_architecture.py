@@ -57,6 +57,8 @@ NODES_ALSO = {"ares_node", "ares_msgs"}
 SPEAK_ROS = {"ares_node", "ares_bags", "ares_view", "ares_bringup", "ares_trials"}
 ROS = {"rclpy", "rosgraph_msgs", "diagnostic_msgs", "builtin_interfaces", "rcl_interfaces"}
 
+#: First words of a docstring that leave open what the code does.
+NO_VERBS = {"What", "Who", "Whether", "That", "How", "Where", "Why", "When", "Which", "As"}
 #: Rooms of the optimizer, and which others each may import. What is in none is shared, or joins
 #: them: it is named below.
 OPTIMIZER = SOURCES / "ares_optimizer" / "ares_optimizer"
@@ -230,3 +232,16 @@ def test_the_rules_would_notice(tmp_path):
     assert imported_modules(bad) == {"ares_optimizer.direct.kernels.sqp", "rclpy.node"}
     bad.write_text("from ares_optimizer.proof.physics import gravity\n")
     assert imported_modules(bad) == {"ares_optimizer.proof.physics"}
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_a_docstring_begins_with_what_the_code_does(package):
+    """The linter asks for a verb in the imperative, and takes these words for one."""
+    found = []
+    for path in (SOURCES / package / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef, ast.AsyncFunctionDef, ast.Module)):
+                first, *_ = (ast.get_docstring(node) or "-").split()
+                if first.rstrip(",") in NO_VERBS:
+                    found.append(f"{path.name}: {getattr(node, 'name', 'module')}: {first}")
+    assert not found

@@ -146,14 +146,14 @@ def relinked(text: str, source: str, page: str) -> str:
 
 
 def title(page: Path, anchor: str) -> str:
-    """The heading of a page to which an anchor leads; its first where none is named."""
+    """Return the heading of a page that an anchor names; the first heading without an anchor."""
     headings = _HEADING.findall(_FENCED.sub("", page.read_text()))
     named = {f"#{_NO_SLUG.sub('', text.lower()).replace(' ', '-')}": text for text in headings}
     return named.get(anchor, headings[0])
 
 
 def version() -> str:
-    """The version of the project."""
+    """Return the version of the project."""
     found = re.search(r'__version__ = "(.+)"', (ROOT / VERSION).read_text())
     if found is None:
         raise SiteError(f"{VERSION} names no version")
