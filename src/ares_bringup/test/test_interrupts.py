@@ -270,9 +270,11 @@ def test_a_flight_that_had_not_begun_prints_no_summary(monkeypatch, capsys):
     from ares_bringup.commands.cli import main
     from ares_bringup.summary import FlightSummary
 
-    def fly_nothing(options, **_):
+    def fly_nothing(options, tell, **_):
         facts = fly.mission_facts(options.mission)
-        return FlightSummary(facts, options.guidance, None, interrupted=True)
+        summary = FlightSummary(facts, options.guidance, None, interrupted=True)
+        tell(summary)
+        return summary
 
     monkeypatch.setattr(fly, "fly", fly_nothing)
     assert main(["fly", "--no-record"]) == 130

@@ -157,8 +157,8 @@ def test_the_frame_follows_from_the_epoch(tmp_path):
             {"epoch": EPOCH},
             {"altitude_m": 0.0},
             (
-                "initial_state.altitude_m is 0.0; expected a distance from the Earth's centre "
-                "above its surface, 6,378,140 m, and below 63,781,400 m; it is 6,378,140 m"
+                "initial_state.altitude_m is 0.0; expected a place above the surface, 6,378,140 m "
+                "from the centre there, and below 63,781,400 m; it is 6,378,140 m from the centre"
             ),
         ),
         (
