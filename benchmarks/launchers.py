@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from ares_models.judge import End, judge
+from ares_models.judge import End
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled
+from ares_trials.testing.arrivals import judged
 
 HERE = Path(__file__).parent
 FILES = HERE / "launchers"
@@ -36,18 +37,29 @@ def flown(mission: Mission, law: str, optimum_kg: float) -> dict[str, Any]:
         flight = fly_compiled(mission, law=law)
     except ValueError as error:
         return {"end": "refused", "reason": str(error)}
-    plant = flight.plant
-    arrays = mission.arrays()
-    environment = arrays.environment[0]
-    reached = judge(
-        plant["position"],
-        plant["velocity"],
-        arrays.target[0],
-        float(environment["mu"]),
-        float(environment["equatorial_radius"]),
-    )
-    loss = 100.0 * (1.0 - float(plant["mass"]) / optimum_kg)
-    return {"end": str(reached.end), "final_mass_kg": float(plant["mass"]), "loss_percent": loss}
+    mass = float(flight.plant["mass"])
+    end = str(judged(mission, flight.plant).end)
+    return {"end": end, "final_mass_kg": mass, "loss_percent": 100.0 * (1.0 - mass / optimum_kg)}
+
+
+def print_losses(rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
+    """Print how many flights of each law reach the target, and what they lose.
+
+    Args:
+        rows: of missions with a plan, with `laws`, the flights by law.
+        laws: by name.
+    """
+    for law in laws:
+        losses = [
+            one["laws"][law]["loss_percent"]
+            for one in rows
+            if one["laws"][law]["end"] == str(End.TARGET)
+        ]
+        if losses:
+            print(
+                f"{law}: {len(losses)} of {len(rows)} on target, "
+                f"loss {np.median(losses):.4f} % in the median, {max(losses):.4f} % at worst"
+            )
 
 
 def row(path: Path, known_kg: float, laws: tuple[str, ...]) -> dict[str, Any]:
@@ -97,17 +109,7 @@ def main() -> None:
     worse = [one for one in solved if one["difference_percent"] < -100.0 * SAME]
     print(f"{len(solved)} of {len(rows)} optimal; {len(worse)} of them below the other program")
     print("CPU time, median:", f"{np.median([one['cpu_s'] for one in rows]):.2f} s")
-    for law in laws:
-        losses = [
-            one["laws"][law]["loss_percent"]
-            for one in solved
-            if one["laws"][law]["end"] == str(End.TARGET)
-        ]
-        if losses:
-            print(
-                f"{law}: {len(losses)} of {len(solved)} on target, "
-                f"loss {np.median(losses):.4f} % in the median, {max(losses):.4f} % at worst"
-            )
+    print_losses(solved, laws)
     if options.keep:
         KEPT.write_text(json.dumps(rows, indent=1) + "\n")
 

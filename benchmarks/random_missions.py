@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from launchers import LAWS, flown
+from launchers import LAWS, flown, print_losses
 
 from ares_models.judge import End
 from ares_models.mission import Mission
@@ -89,17 +89,7 @@ def print_sums(rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
     print("; ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
     times = [one["auto"].get("cpu_s", 0.0) for one in rows]
     print(f"CPU s of auto: median {np.median(times):.4f}, greatest {max(times):.2f}")
-    for law in laws:
-        losses = [
-            one["laws"][law]["loss_percent"]
-            for one in solved
-            if one["laws"][law]["end"] == str(End.TARGET)
-        ]
-        if losses:
-            print(
-                f"{law}: {len(losses)} of {len(solved)} on target, "
-                f"loss {np.median(losses):.4f} % in the median, {max(losses):.4f} % at worst"
-            )
+    print_losses(solved, laws)
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ def paths():
 
 @pytest.fixture(scope="module")
 def without_leaves():
-    """Where Python looks in a workspace that has neither the thesis nor the trials."""
+    """Return the search path of Python in a workspace without the thesis and the trials."""
     found = [path for path in paths() if Path(path).name not in LEAVES]
     assert len(found) == len(paths()) - 2 * len(LEAVES)
     return found

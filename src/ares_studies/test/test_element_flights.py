@@ -11,13 +11,14 @@ from ares_guidance.arrays import ERROR_PROPELLANT_SHORT
 from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law, find_law, make_law
-from ares_models.judge import End, judge
+from ares_models.judge import End
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.solution import Status
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import arc_plan, fly_compiled, ready_law
+from ares_trials.testing.arrivals import judged
 from ares_vehicle_sim.dispersions import Dispersions
 
 LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
@@ -59,17 +60,6 @@ def aimed(name="ares_v", **target):
     return Mission.model_validate(load_mission(name).model_dump() | {"target": target})
 
 
-def judged(mission, plant):
-    result = judge(
-        plant["position"],
-        plant["velocity"],
-        mission.arrays().target[0],
-        mission.environment.mu_m3_s2,
-        mission.environment.earth.equatorial_radius_m,
-    )
-    return result.end is End.TARGET, result
-
-
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("name", TARGETS)
 def test_what_is_named_is_met(law, name):
@@ -77,8 +67,8 @@ def test_what_is_named_is_met(law, name):
     plan = arc_plan(mission, find_law(law))
     check_law(law, mission.arrays(foreseen=True), mission.start().navigation(), plan)
     plant = fly_compiled(mission, law=law).plant
-    met, result = judged(mission, plant)
-    assert met, result
+    result = judged(mission, plant)
+    assert result.end is End.TARGET, result
     best = solve_indirect(mission.arrays(), mission.start().navigation(), verify=False)
     # optimal flies by peg until it has found its optimum
     lost = 1e-4 if law == "optimal" else 3e-3
@@ -97,8 +87,8 @@ def test_a_slow_start_turns_into_another_plane(law, loss, inclination):
     solution = solve(mission, "indirect")
     assert solution.status is Status.CONVERGED
     plant = fly_compiled(mission, law=law).plant
-    met, result = judged(mission, plant)
-    assert met, result
+    result = judged(mission, plant)
+    assert result.end is End.TARGET, result
     assert -1e-6 < 1.0 - plant["mass"] / solution.m_f_kg < loss
 
 
@@ -107,8 +97,8 @@ def test_large_turns_are_flown_to_the_same_targets(name):
     mission = aimed(**TARGETS[name])
     settings = LawSettings(small_turn_limit_deg=0.0)
     plant = fly_compiled(mission, law=ready_law(mission, settings=settings)).plant
-    met, result = judged(mission, plant)
-    assert met, result
+    result = judged(mission, plant)
+    assert result.end is End.TARGET, result
 
 
 def planned_end(mission):
@@ -135,7 +125,7 @@ def test_a_place_that_is_free_is_that_of_the_plan(law, thrust):
 def test_an_apogee_alone_is_flown_to_from_the_height_of_the_start():
     mission = aimed(apogee_altitude_m=35786e3, inclination_deg=28.5)
     plant = fly_compiled(mission).plant
-    assert judged(mission, plant)[0]
+    assert judged(mission, plant).end is End.TARGET
     orbit = Elements.from_state(plant["position"], plant["velocity"], mission.environment.mu_m3_s2)
     start = float(np.linalg.norm(mission.start().position))
     assert orbit.perigee_radius == pytest.approx(start, abs=100.0)
@@ -203,8 +193,8 @@ def test_a_weak_upper_stage_ends_in_a_climb(law, tmp_path):
     path.write_text(UPPER_STAGE)
     mission = load_mission(path)
     plant = fly_compiled(mission, law=law).plant
-    met, result = judged(mission, plant)
-    assert met, result
+    result = judged(mission, plant)
+    assert result.end is End.TARGET, result
     assert plant["mass"] > (21_170.7 if law == "optimal" else 0.997 * 21_170.8)
 
 
@@ -230,8 +220,8 @@ def test_a_place_beside_a_perigee_is_for_the_optimal_law(law):
     arrays, start = mission.arrays(foreseen=True), mission.start().navigation()
     if law == "optimal":
         check_law(law, arrays, start)
-        met, result = judged(mission, fly_compiled(mission, law=make_law(law, arrays)).plant)
-        assert met, result
+        result = judged(mission, fly_compiled(mission, law=make_law(law, arrays)).plant)
+        assert result.end is End.TARGET, result
         return
     with pytest.raises(ValueError, match=f"law is '{law}'; expected one that flies to a place"):
         check_law(law, arrays, start)
@@ -245,8 +235,8 @@ def test_a_plane_that_the_flight_hardly_comes_to():
         inclination_deg=29.3768,
         true_anomaly_deg=24.0567,
     )
-    met, result = judged(mission, fly_compiled(mission).plant)
-    assert met, result
+    result = judged(mission, fly_compiled(mission).plant)
+    assert result.end is End.TARGET, result
 
 
 @pytest.mark.parametrize("inclination_deg", [0.0, 1.0])
@@ -266,7 +256,7 @@ def test_from_the_equator(inclination_deg):
     for limit_deg in (0.0, 40.0):
         settings = LawSettings(small_turn_limit_deg=limit_deg)
         law = ready_law(mission, settings=settings)
-        met, result = judged(mission, fly_compiled(mission, law=law).plant)
-        assert met, result
+        result = judged(mission, fly_compiled(mission, law=law).plant)
+        assert result.end is End.TARGET, result
     solution = solve_indirect(mission.arrays(), mission.start().navigation())
     assert solution.converged, solution.reason

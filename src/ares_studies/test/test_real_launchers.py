@@ -9,13 +9,14 @@ import pytest
 from ares_models.arrays import COAST
 from ares_models.floors import edge_of_air
 from ares_models.input_file import read_input
-from ares_models.judge import End, judge
+from ares_models.judge import End
 from ares_models.kernels.environment import altitude
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, ready_law
+from ares_trials.testing.arrivals import judged
 from ares_vehicle_sim.arrays import ARC_ENDED
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
@@ -49,13 +50,7 @@ def test_a_real_launcher_arrives_with_what_its_plan_says(name: str, law_name: st
         if arc["kind"] == COAST and np.isinf(arc["duration"]):
             lowest = min(lowest, altitude(tuple(now["position"]), environment))
     plant = simulator.plant
-    reached = judge(
-        plant["position"],
-        plant["velocity"],
-        arrays.target[0],
-        float(environment["mu"]),
-        float(environment["equatorial_radius"]),
-    )
+    reached = judged(mission, plant)
     assert reached.end is End.TARGET, reached
     assert float(plant["mass"]) > (1.0 - MOST_LOST) * optimum(name).m_f_kg
     # the parking coast keeps above the air
@@ -71,8 +66,7 @@ def test_every_law_flies_the_parking_orbit_that_a_coast_names(law_name: str) -> 
     environment = mission.arrays().environment[0]
     mu, equator = float(environment["mu"]), float(environment["equatorial_radius"])
     plant = fly_compiled(mission, law=law_name).plant
-    target = mission.arrays().target[0]
-    assert judge(plant["position"], plant["velocity"], target, mu, equator).end is End.TARGET
+    assert judged(mission, plant).end is End.TARGET
     burns = [e for e in plant["events"] if e["type"] == ARC_ENDED and e["index"] == 1]
     orbit = Elements.from_state(burns[0]["position"], burns[0]["velocity"], mu)
     apogee = orbit.semi_major_axis * (1.0 + orbit.eccentricity)

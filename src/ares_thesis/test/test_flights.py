@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from ares_guidance.laws import make_law
-from ares_models.judge import End, judge
+from ares_models.judge import End
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
 from ares_trials.restarts import Restarts
+from ares_trials.testing.arrivals import judged
 from ares_vehicle_sim.arrays import JETTISON_DONE
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, true_vehicle
@@ -26,13 +27,7 @@ def test_it_flies_to_elements_with_an_inclination():
     law = make_law("peg_thesis", mission.arrays(foreseen=True))
     law.start_from(offline_trajectory(solve(mission, "indirect")))
     plant = fly_compiled(mission, law=law).plant
-    result = judge(
-        plant["position"],
-        plant["velocity"],
-        mission.arrays().target[0],
-        mission.environment.mu_m3_s2,
-        mission.environment.earth.equatorial_radius_m,
-    )
+    result = judged(mission, plant)
     assert result.end is End.TARGET, result
     with pytest.raises(ValueError, match="leaves the inclination free; law peg_thesis holds one"):
         make_law("peg_thesis", aimed(**TRANSFER).arrays(foreseen=True))

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measure insertion errors, for tests only."""
+"""Judge and measure the ends of flights, for tests and benchmarks only."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.arrays import Record
+from ares_models.judge import Judgement, judge
 from ares_models.mission import Mission
 from ares_models.orbits import Insertion
 from ares_studies.closed_loop import Flight
@@ -22,6 +24,23 @@ def errors(mission: Mission, flight: Flight) -> NDArray[np.float64]:
             math.degrees(flown.flight_path_angle - target["flight_path_angle"]),
             math.degrees(flown.inclination - target["inclination"]),
         ]
+    )
+
+
+def judged(mission: Mission, plant: Record) -> Judgement:
+    """Judge the end of a flight by the mission's target.
+
+    Args:
+        mission: what was flown.
+        plant: record PLANT at the end.
+    """
+    environment = mission.arrays().environment[0]
+    return judge(
+        plant["position"],
+        plant["velocity"],
+        mission.arrays().target[0],
+        float(environment["mu"]),
+        float(environment["equatorial_radius"]),
     )
 
 
