@@ -87,13 +87,18 @@ def solve_auto(request: Request) -> Solution:
 def _cool_from_jettison(request: Request) -> Solution:
     """Solve a mission whose heating limit holds from the jettison on.
 
-    What is optimal with the limit at the jettison alone is optimal here too if its later heating
-    keeps the limit, and what has no solution there has none here. Only else is the limit a
-    constraint along the way, which ``direct20`` takes for missions whose last arc alone is free.
+    First solve with the limit at the jettison only, a relaxation: its optimum is the solution if
+    its later heating keeps the limit, and if it is infeasible, so is this problem. Otherwise use
+    ``direct20``, which limits the heating along the flight if the last arc alone is free.
     """
     relaxed = solve_auto(replace(request, heating=Heating.AT_JETTISON, verify=True))
+    planned = plans_arcs(request.arrays, request.state[0])
+    if not relaxed.flyable:
+        if planned or relaxed.status is Status.INFEASIBLE:
+            return relaxed
+        return _by_direct(request, relaxed.steps)
     peak = relaxed.verification.peak_fmhr_after_jettison_w_m2 if relaxed.verification else math.nan
-    if not relaxed.flyable or not math.isfinite(peak):
+    if not math.isfinite(peak):
         return relaxed
     jettisons = request.arrays.jettisons
     limit = float(jettisons["value"][jettisons["criterion"] == HEATING_LIMIT].min())
@@ -101,12 +106,17 @@ def _cool_from_jettison(request: Request) -> Solution:
     if check.satisfied:
         return replace(relaxed, constraints=(*relaxed.constraints, check))
     steps = (*relaxed.steps, f"heating from the jettison on: {peak:,.0f} W/m2, limit {limit:,.0f}")
-    if plans_arcs(request.arrays, request.state[0]):
+    if planned:
         reason = (
             f"{steps[-1]}; no method limits the heating along free arcs: "
             "raise min_perigee_altitude_m of the free coast"
         )
         return replace(failed("auto", Cause(Status.STALLED, reason)), steps=steps)
+    return _by_direct(request, steps)
+
+
+def _by_direct(request: Request, steps: tuple[str, ...]) -> Solution:
+    """Solve by ``direct20`` after other steps."""
     solution = solve_direct(replace(request, method="direct20"))
     return replace(solution, steps=(*steps, step("direct20", solution)))
 
