@@ -42,24 +42,15 @@ def flown(mission: Mission, law: str, optimum_kg: float) -> dict[str, Any]:
     return {"end": end, "final_mass_kg": mass, "loss_percent": 100.0 * (1.0 - mass / optimum_kg)}
 
 
-def print_losses(rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
-    """Print how many flights of each law reach the target, and what they lose.
+def losses(rows: list[dict[str, Any]], law: str) -> list[float]:
+    """Return what the flights of a law that reach the target lose, %.
 
     Args:
         rows: of missions with a plan, with `laws`, the flights by law.
-        laws: by name.
+        law: by name.
     """
-    for law in laws:
-        losses = [
-            one["laws"][law]["loss_percent"]
-            for one in rows
-            if one["laws"][law]["end"] == str(End.TARGET)
-        ]
-        if losses:
-            print(
-                f"{law}: {len(losses)} of {len(rows)} on target, "
-                f"loss {np.median(losses):.4f} % in the median, {max(losses):.4f} % at worst"
-            )
+    flights = [one["laws"][law] for one in rows]
+    return [each["loss_percent"] for each in flights if each["end"] == str(End.TARGET)]
 
 
 def row(path: Path, known_kg: float, laws: tuple[str, ...]) -> dict[str, Any]:
@@ -109,7 +100,12 @@ def main() -> None:
     worse = [one for one in solved if one["difference_percent"] < -100.0 * SAME]
     print(f"{len(solved)} of {len(rows)} optimal; {len(worse)} of them below the other program")
     print("CPU time, median:", f"{np.median([one['cpu_s'] for one in rows]):.2f} s")
-    print_losses(solved, laws)
+    for law in laws:
+        if lost := losses(solved, law):
+            print(
+                f"{law}: {len(lost)} of {len(solved)} on target, "
+                f"loss {np.median(lost):.4f} % in the median, {max(lost):.4f} % at worst"
+            )
     if options.keep:
         KEPT.write_text(json.dumps(rows, indent=1) + "\n")
 

@@ -6,17 +6,16 @@ that another method solves and `auto` does not is missed. Flights are without di
 """
 
 import argparse
-import json
 import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from launchers import LAWS, flown, print_losses
+from figures import Figures, keep_option
+from launchers import LAWS, flown, losses
 
 from ares_models.judge import End
 from ares_models.mission import Mission
@@ -24,7 +23,6 @@ from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_trials.random_vehicles import random_coasting_mission, random_mission
 
-KEPT = Path(__file__).parent / "results" / "random_missions.json"
 KINDS: dict[str, Callable[[int], Mission]] = {
     "plain": random_mission,
     "coasting": random_coasting_mission,
@@ -80,16 +78,26 @@ def told(one: dict[str, Any]) -> list[str]:
     return said
 
 
-def print_sums(rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
-    """Print the solutions found and missed, the flights and their losses."""
+def add_sums(figures: Figures, rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
+    """Add what was found, missed, flown and lost to the figures."""
     solved = [one for one in rows if "laws" in one]
-    kinds = Counter(line.partition(":")[0] for one in rows for line in told(one))
     optimal = sum(one["auto"]["status"] == Status.CONVERGED for one in rows)
-    print(f"{len(rows)} missions: {len(solved)} with a plan, {optimal} called optimal")
-    print("; ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
+    figures.add("missions", len(rows), "")
+    figures.add("with a plan", len(solved), "")
+    figures.add("called optimal", optimal, "")
+    kinds = Counter(line.partition(":")[0] for one in rows for line in told(one))
+    for kind in ("wrong", "missed"):
+        figures.add(kind, kinds[kind], "")
     times = [one["auto"].get("cpu_s", 0.0) for one in rows]
-    print(f"CPU s of auto: median {np.median(times):.4f}, greatest {max(times):.2f}")
-    print_losses(solved, laws)
+    figures.add("CPU time of auto, median", float(np.median(times)), "s")
+    figures.add("CPU time of auto, greatest", max(times), "s")
+    for law in laws:
+        lost = losses(solved, law)
+        figures.add(f"{law}, on target", len(lost), "")
+        figures.add(f"{law}, refused", kinds[f"refused by {law}"], "")
+        if lost:
+            figures.add(f"{law}, loss in the median", float(np.median(lost)), "%")
+            figures.add(f"{law}, loss at worst", max(lost), "%")
 
 
 def main() -> None:
@@ -100,7 +108,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
     parser.add_argument("--laws", nargs="*", choices=LAWS, default=LAWS)
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--keep", action="store_true", help=f"write {KEPT.name}")
+    keep_option(parser)
     options = parser.parse_args()
     laws = tuple(options.laws)
     rows = []
@@ -114,9 +122,12 @@ def main() -> None:
             rows.append(job.result())
             for line in told(rows[-1]):
                 print(f"{rows[-1]['name']}: {line}", flush=True)
-    print_sums(rows, laws)
+    seeds = f"{options.first} to {options.first + options.n - 1}"
+    about = f"Random missions, seeds {seeds}, {' and '.join(options.kinds)}, warm process."
+    figures = Figures(__file__, about)
+    add_sums(figures, rows, laws)
     if options.keep:
-        KEPT.write_text(json.dumps(rows, indent=1) + "\n")
+        figures.keep()
 
 
 if __name__ == "__main__":
