@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from figures import Figures, keep_option
 
-from ares_guidance.law import needs_plan
 from ares_models.arrays import BURN
 from ares_models.failures import Failure, FailureKind
 from ares_models.mission import list_missions, load_mission
@@ -215,7 +214,7 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     keep_option(parser)
     options = parser.parse_args()
-    missions = [n for n in list_missions() if not needs_plan(load_mission(n).arrays())]
+    missions = [n for n in list_missions() if not load_mission(n).needs_plan]
     if options.only != "alarms":
         measure_found(missions, options)
     if options.only != "found":

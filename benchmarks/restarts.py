@@ -12,7 +12,6 @@ import argparse
 
 from figures import Figures, keep_option
 
-from ares_guidance.law import needs_plan
 from ares_guidance.registry import law_names
 from ares_models.mission import list_missions, load_mission
 from ares_trials.restarts import Restarted, Restarts
@@ -58,7 +57,7 @@ def main() -> None:
     figures = Figures(__file__, "Guidance lost in flight and begun anew after 0.1, 5 and 20 s.")
     for name in options.missions:
         mission = load_mission(name)
-        planned = needs_plan(mission.arrays())
+        planned = mission.needs_plan
         for law in options.laws:
             try:
                 flights = Restarts(mission, law)

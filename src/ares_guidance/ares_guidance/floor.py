@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Floor check of a plan: lowest altitude per arc against the ground and the coasts' floors."""
+"""Coasts of a plan: the floors they keep, and the burns whose end a leg holds because of them."""
 
 import math
 from typing import TYPE_CHECKING
@@ -10,6 +10,7 @@ from ares_guidance.kernels.floor import lowest_altitude
 from ares_models.arrays import BURN, COAST, NAVIGATION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.orbits import Elements
+from ares_models.plans import LONG_COAST_S
 from ares_models.tolerances import FLOOR_M
 
 if TYPE_CHECKING:
@@ -78,15 +79,34 @@ def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
         )
 
 
-def burns_before_floors(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
-    """Return the burns before coasts that touch their floor, with the lift of their ends, m.
+def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
+    """Return the burns whose end a leg holds, with the lift of these ends, m.
 
-    Such a burn ends a leg: a law that aims beyond the coast would violate its floor.
+    They are the burns before coasts that are long or touch their floor: a law that aims beyond
+    such a coast predicts its end poorly, and violates its floor.
 
     Args:
         trajectory: of this mission.
         arrays: the mission.
     """
+    arcs = arrays.arcs
+    lengths = dict(
+        zip(
+            map(int, trajectory.flown_arc),
+            trajectory.flown_end_time - trajectory.flown_start_time,
+            strict=True,
+        )
+    )
+    lifts: dict[int, float] = {}
+    for k, length in lengths.items():
+        burns = np.flatnonzero(arcs["kind"][:k] == BURN)
+        if arcs["kind"][k] == COAST and length > LONG_COAST_S and len(burns):
+            lifts[int(burns[-1])] = 0.0
+    return {k: lift for k, lift in (lifts | _lifts(trajectory, arrays)).items() if k in lengths}
+
+
+def _lifts(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
+    """Return the burns before coasts that touch their floor, with the lift of their ends, m."""
     arcs = arrays.arcs
     lowest = dict(_lowest(trajectory, arrays))
     start = np.zeros(1, NAVIGATION)
@@ -110,4 +130,4 @@ def burns_before_floors(trajectory: "OfflineTrajectory", arrays: MissionArrays) 
             if abs(height) < FLOOR_M:
                 burn = int(burns[-1])
                 lifts[burn] = max(lifts.get(burn, 0.0), CLEARANCE - height)
-    return {k: lift for k, lift in lifts.items() if k >= trajectory.flown_arc[0]}
+    return lifts

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import PLAN
-from ares_guidance.floor import burns_before_floors, check_floor
+from ares_guidance.floor import check_floor, held_burns
 from ares_models.arrays import (
     BURN,
     NAMES_ARGUMENT_OF_PERIGEE,
@@ -18,6 +18,7 @@ from ares_models.arrays import (
 )
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Elements, Insertion
+from ares_models.plans import coasts_long, leaves_arcs_free
 
 Array = NDArray[np.float64]
 
@@ -33,11 +34,6 @@ FASTEST_TURN = 1.0
 ELONGATED = 0.5
 #: Smallest mass drop that counts as staging, as a fraction of the mass; rounding is smaller.
 LEAST_DROP = 1e-6
-
-
-def leaves_arcs_free(arrays: MissionArrays) -> bool:
-    """Return whether arcs before the mission's last are free."""
-    return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
 
 
 def true_anomaly_of(state: Insertion, mu: float) -> float:
@@ -124,8 +120,8 @@ class ArcPlan:
         by_legs: law `optimal` flies leg by leg too, instead of solving for the whole flight in
             each cycle: the plan satisfies constraints that the on-board problem lacks.
         orbits: orbit at the end of each burn that ends a leg, where known.
-        held: burns whose end is constrained by a later coast that touches its floor. Each ends a
-            leg, even if its length is fixed.
+        held: burns before a coast that is long or touches its floor. Each ends a leg, even if its
+            length is fixed.
     """
 
     lengths_s: dict[int, float]
@@ -152,7 +148,7 @@ class ArcPlan:
         arcs = arrays.arcs
         mu = float(arrays.environment["mu"][0])
         record = np.zeros(1, PLAN)
-        record["made"] = leaves_arcs_free(arrays)
+        record["made"] = leaves_arcs_free(arrays.arcs) or coasts_long(arrays.arcs)
         record["by_legs"] = self.by_legs
         ends = (arcs["kind"] == BURN) & np.isinf(arcs["duration"])
         ends[list(self.held)] = True
@@ -296,7 +292,7 @@ class OfflineTrajectory:
         last = self.arc_end_time >= self.arc_start_time - SAME_TIME
         _expect(last, "arc_end_time", "no end before its begin")
         _expect(self.arc_end_mass > 0.0, "arc_end_mass", "more than 0 kg")
-        lighter = self.arc_start_mass >= self.arc_end_mass
+        lighter = self.arc_start_mass >= self.arc_end_mass * (1.0 - LEAST_DROP)
         _expect(lighter, "arc_start_mass", "no arc that makes heavier")
         _expect(self.arc_delta_v >= 0.0, "arc_delta_v", "0 m/s or more")
         burns = self.arc_delta_v > 0.0
@@ -380,7 +376,7 @@ class OfflineTrajectory:
         lengths, states, directions, positions = {}, {}, {}, {}
         primers, ignitions, orbits = {}, {}, {}
         begin = -math.inf
-        lifts = burns_before_floors(self, arrays)
+        lifts = held_burns(self, arrays)
         for k, start, end in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
         ):

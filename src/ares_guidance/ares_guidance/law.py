@@ -22,12 +22,13 @@ from ares_guidance.arrays import (
     OnboardArrays,
     blank_onboard,
 )
-from ares_guidance.guess import ArcPlan, OfflineTrajectory, leaves_arcs_free
+from ares_guidance.guess import ArcPlan, OfflineTrajectory
 from ares_guidance.kernels.legs import step_by_legs
 from ares_guidance.kernels.segments import TABLE_PIECES
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 from ares_models.mission_target import leaves_end_free
+from ares_models.plans import coasts_long, leaves_arcs_free, needs_plan
 
 
 def _setting(
@@ -258,14 +259,6 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
     return law_of_seek(name, code, convergence.seek)
 
 
-def needs_plan(arrays: MissionArrays) -> bool:
-    """Return whether a mission cannot be flown without a plan.
-
-    That is so if arcs before the last are free, or the place of insertion on the target orbit.
-    """
-    return leaves_arcs_free(arrays) or leaves_end_free(arrays.target[0])
-
-
 def name_free_arcs(arrays: MissionArrays) -> str:
     """Name the free arcs before the last, such as "arcs 1, 2"."""
     free = np.flatnonzero(np.isinf(arrays.arcs["duration"][:-1]))
@@ -274,7 +267,8 @@ def name_free_arcs(arrays: MissionArrays) -> str:
 
 def name_what_is_free(arrays: MissionArrays) -> str:
     """Name the quantities that a plan fixes: free arcs, the place on the target orbit."""
-    parts = [f"the free {name_free_arcs(arrays)}"] * leaves_arcs_free(arrays)
+    parts = [f"the free {name_free_arcs(arrays)}"] * leaves_arcs_free(arrays.arcs)
+    parts += ["the burn before a long coast"] * coasts_long(arrays.arcs)
     parts += ["the end on the target's orbit"] * leaves_end_free(arrays.target[0])
     return " and ".join(parts)
 
@@ -370,7 +364,7 @@ class Law:
     @property
     def lacks_plan(self) -> bool:
         """Return whether the mission needs a plan and the law has none."""
-        return needs_plan(self._arrays) and self._arc_plan is None
+        return needs_plan(self._arrays.arcs, self._arrays.target[0]) and self._arc_plan is None
 
     def check_plan(self) -> None:
         """Check that the law has a plan if the mission needs one.
@@ -431,7 +425,7 @@ class Law:
             ValueError: the trajectory is not usable.
         """
         planned = np.full(len(self._arrays.jettisons), math.inf)
-        if needs_plan(self._arrays):
+        if needs_plan(self._arrays.arcs, self._arrays.target[0]):
             self.follow_arcs(trajectory.arc_plan(self._arrays))
             return
         if math.isfinite(trajectory.jettison_time):

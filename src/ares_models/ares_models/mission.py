@@ -54,11 +54,11 @@ from ares_models.mission_target import (
     Target,
     TargetOrbit,
     TargetState,
-    leaves_end_free,
     orbit_record,
     parking_orbit,
     target_record,
 )
+from ares_models.plans import needs_plan
 from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
 
 __all__ = [
@@ -191,12 +191,8 @@ class Mission(Part):
 
     @property
     def needs_plan(self) -> bool:
-        """Return whether guidance needs a plan of the optimizer.
-
-        A plan fixes the ends of free arcs before the last, and the place of insertion on the
-        target orbit if that is free.
-        """
-        return self.plans_arcs or leaves_end_free(target_record(self)[0])
+        """Return whether guidance needs a plan of the optimizer; see :mod:`ares_models.plans`."""
+        return needs_plan(self._arc_array(True), target_record(self)[0])
 
     @property
     def jettison_names(self) -> tuple[str, ...]:

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.guess import ArcPlan, OfflineTrajectory
-from ares_guidance.law import Law, LawKind, LawSettings, needs_plan, why_no_plan
+from ares_guidance.law import Law, LawKind, LawSettings, why_no_plan
 from ares_guidance.laws import check_law, make_law
 from ares_models.failures import Failure
 from ares_models.mission import Mission
+from ares_models.plans import needs_plan
 from ares_optimizer.solution import Solution
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
@@ -115,7 +116,7 @@ def arc_plan(
     Raises: see :func:`plan_solution`.
     """
     arrays = mission.arrays(foreseen=True)
-    if not needs_plan(arrays):
+    if not needs_plan(arrays.arcs, arrays.target[0]):
         return None
     return offline_trajectory(plan_solution(mission, law, state, time_limit_s)).arc_plan(arrays)
 

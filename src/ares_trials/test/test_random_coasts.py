@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ares_models.judge import End
+from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import reach_without, solve_direct_planned
 from ares_optimizer.indirect.free_arcs import lengths_of, unknowns_of
@@ -14,7 +16,9 @@ from ares_optimizer.plan import last_begin, length_bounds, spent, with_lengths
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import fixed_burns_fall_short
 from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled
 from ares_trials.random_vehicles import random_coasting_mission
+from ares_trials.testing.arrivals import judged
 
 #: Of the last burn, s: what is left where the other burns reach the target by themselves.
 NOTHING_S = 0.1
@@ -68,6 +72,25 @@ def test_fixed_burns_that_reach_the_target_leave_nothing_to_burn(seed):
     assert 0.0 <= taken(mission, solution) < NOTHING_S * flow
     assert solution.verification.position_defect_m < 1.0
     assert not fixed_burns_fall_short(mission.arrays(), mission.start().navigation())
+
+
+@pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
+@pytest.mark.parametrize("coast", ["free", "fixed"])
+def test_a_burn_before_a_long_coast_ends_where_planned(law, coast):
+    """Fly 43 min of coast between fixed burns and a last burn of 12 s.
+
+    Laws that aimed beyond the coast missed the orbit.
+    """
+    mission = random_coasting_mission(50_043)
+    optimum = solve(mission, "auto")
+    if coast == "fixed":
+        data = mission.model_dump(exclude_unset=True, mode="json")
+        data["stages"][2]["arcs"][0] = {"name": "coast", "coast_s": optimum.lengths_s[0]}
+        mission = Mission.model_validate(data)
+    assert mission.needs_plan
+    plant = fly_compiled(mission, law=law).plant
+    assert judged(mission, plant).end is End.TARGET
+    assert float(plant["mass"]) == pytest.approx(optimum.m_f_kg, rel=1e-4)
 
 
 def test_burns_that_lack_the_energy_are_not_tried():

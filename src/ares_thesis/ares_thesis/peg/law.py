@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ares_guidance.guess import JettisonPlan, OfflineTrajectory, leaves_arcs_free
-from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs, needs_plan
+from ares_guidance.guess import JettisonPlan, OfflineTrajectory
+from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs
 from ares_models.arrays import (
     BURN,
     HEATING_LIMIT,
@@ -17,6 +17,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.kernels.targets import names
+from ares_models.plans import LONG_COAST_S, coasts_long, leaves_arcs_free, needs_plan
 from ares_thesis.peg.arrays import (
     LAW_PEG_THESIS,
     PLANE_FREE,
@@ -75,13 +76,18 @@ class ThesisPeg(Law):
             pins: constraints that hold; default all.
 
         Raises:
-            ValueError: free arcs before the last, throttled burns, other than two stages with one
-                heating jettison in the second, or a target without an inclination.
+            ValueError: free arcs before the last, long coasts, throttled burns, other than two
+                stages with one heating jettison in the second, or a target without an inclination.
         """
-        if leaves_arcs_free(arrays):
+        if leaves_arcs_free(arrays.arcs):
             raise ValueError(
                 f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
                 "of which only the last arc is free: expected peg, igm or optimal, which fly a plan"
+            )
+        if coasts_long(arrays.arcs):
+            raise ValueError(
+                f"the mission coasts for more than {LONG_COAST_S:g} s between burns; law "
+                "peg_thesis flies no such coast: expected peg, igm or optimal, which fly a plan"
             )
         if np.any(np.isfinite(arrays.arcs["max_acceleration"][arrays.arcs["kind"] == BURN])):
             raise ValueError("the mission has a throttled burn; law peg_thesis flies none")
@@ -120,7 +126,7 @@ class ThesisPeg(Law):
             ValueError: the trajectory has none.
         """
         self._plan = trajectory.jettison_plan()
-        if needs_plan(self._arrays):
+        if needs_plan(self._arrays.arcs, self._arrays.target[0]):
             self.follow_arcs(trajectory.arc_plan(self._arrays))
         else:
             self.reset()
