@@ -5,10 +5,12 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ares_bringup.options import CannotStart
 from ares_bringup.rehearsal import rehearse
 from ares_studies.closed_loop import plan_solution
+from ares_trials.random_vehicles import random_coasting_mission
 
 LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
 
@@ -74,6 +76,15 @@ def test_the_shipped_mission_that_one_law_alone_flies(law):
 def test_a_law_that_flies_no_plan_says_so():
     with pytest.raises(CannotStart, match=r"^the mission leaves arcs 1, 2 free; law peg_thesis "):
         rehearse({"mission": "falcon9_gto", "law": "peg_thesis"})
+
+
+def test_burns_of_fixed_length_that_give_too_much_are_told(tmp_path):
+    data = random_coasting_mission(50_056).model_dump(exclude_unset=True, mode="json")
+    path = tmp_path / "surplus.yaml"
+    path.write_text(yaml.safe_dump(data))
+    remedy = "without the last one, .*; make one of them free, or add payload$"
+    with pytest.raises(CannotStart, match=remedy):
+        rehearse({"mission": str(path), "law": "peg"})
 
 
 @pytest.mark.trial

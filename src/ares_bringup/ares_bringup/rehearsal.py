@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from ares_optimizer.solution import Solution
     from ares_vehicle_sim.simulator import SimulatorOptions
 
+#: Propellant of the last burn, kg, below which the burns before it give too much.
+_SPARE_KG = 1.0
 #: Relative loss of final mass against the plan above which a note is returned.
 TOLERATED = 3e-3
 
@@ -70,9 +72,12 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     law = str(flown.get("law", PEG))
     try:
         rehearsal = _prepare(mission, law, flown)
-        end = _fly_ahead(rehearsal, law)
     except ValueError as error:
         raise CannotStart(str(error)) from error
+    try:
+        end = _fly_ahead(rehearsal, law)
+    except ValueError as error:
+        raise CannotStart(f"{error}{_surplus(rehearsal.plan)}") from error
     if not end.mass_kg:
         raise CannotStart(
             f"guidance is {law!r}, which misses the target when the mission is flown ahead "
@@ -130,6 +135,17 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
     return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)
 
 
+def _surplus(plan: "Solution") -> str:
+    """Return the cause and a remedy if the burns before the last one reach the target; else ""."""
+    last = plan.arcs[-1]
+    if last.start_mass_kg - last.end_mass_kg > _SPARE_KG:
+        return ""
+    return (
+        ": the burns of fixed length reach the target without the last one, and no law wastes "
+        "what they give too much; make one of them free, or add payload"
+    )
+
+
 def _advice(rehearsal: _Rehearsal, law: str) -> str:
     """Name the other self-starting laws that reach the target."""
     from ares_guidance.laws import self_starting_laws
@@ -140,4 +156,6 @@ def _advice(rehearsal: _Rehearsal, law: str) -> str:
         with suppress(ValueError):
             if _fly_ahead(rehearsal, name).mass_kg:
                 ways.append(name)
-    return f"try law {' or '.join(ways)}" if ways else "no other law reaches it"
+    if ways:
+        return f"try law {' or '.join(ways)}"
+    return f"no other law reaches it{_surplus(rehearsal.plan)}"

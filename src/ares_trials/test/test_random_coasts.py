@@ -74,6 +74,14 @@ def test_fixed_burns_that_reach_the_target_leave_nothing_to_burn(seed):
     assert not fixed_burns_fall_short(mission.arrays(), mission.start().navigation())
 
 
+def test_no_coast_at_all_may_be_the_best():
+    """Solve a mission in which every start with a coast leads to 242 s of it, and to 6 kg less."""
+    solution = solve(random_coasting_mission(50_046), "auto")
+    assert solution.converged, solution.reason
+    assert solution.m_f_kg == pytest.approx(23_750.710, abs=0.01)
+    assert max(solution.lengths_s) < 0.01
+
+
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 @pytest.mark.parametrize("coast", ["free", "fixed"])
 def test_a_burn_before_a_long_coast_ends_where_planned(law, coast):

@@ -441,6 +441,12 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
             yield [transfer], (_TO_APOGEE, *([_TO_APOGEE] * later))
     if later:
         yield ascents, (firsts[0], *([_SOON] * later))
+    if parking is None:
+        # burns of fixed length may follow each other at once
+        yield ascents, (0.0,) * len(coasts)
+        if later:
+            yield ascents, (0.0, *([_SOON] * later))
+            yield ascents, (firsts[0], *([0.0] * later))
     for part in firsts[1:]:
         yield ascents, (part, *([_TO_APOGEE] * later))
         if later:
