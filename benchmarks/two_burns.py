@@ -22,7 +22,7 @@ from figures import Figures, keep_option
 from ares_models.floors import floors_of
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.collocation.guess import guess_of, trials
-from ares_optimizer.collocation.solve import floors_on
+from ares_optimizer.collocation.search import floors_on
 from ares_optimizer.collocation.transcription import Transcription
 from ares_optimizer.request import arrays_and_state
 from ares_optimizer.solve import solve

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.floors import floors_of, orbits_of
-from ares_optimizer.collocation.solve import LOCAL_OPTIMA, solve_collocation
+from ares_optimizer.collocation.report import LOCAL_OPTIMA
+from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
 from ares_optimizer.indirect.solve import refine_root, solve_indirect

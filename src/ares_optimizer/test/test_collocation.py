@@ -16,10 +16,12 @@ from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer import auto
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.guess import Trial, guess_of, trials
+from ares_optimizer.collocation.guess import guess_of, trials
+from ares_optimizer.collocation.pilot import Trial
+from ares_optimizer.collocation.points import Found, times_of
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.collocation.solve import Found, LocalOptimum, floors_on, moved_events, times_of
-from ares_optimizer.collocation.solve import _verdict as verdict
+from ares_optimizer.collocation.report import verdict_of
+from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
@@ -420,7 +422,7 @@ def test_a_part_that_is_still_on_is_told_in_words():
     left = ConstraintCheck(
         Check.JETTISON_BEFORE_CUTOFF, "jettison 0", 0.0, 1.0, False, "1", False, jettison=0
     )
-    cause = verdict(None, None, (left,), 0.0)
+    cause = verdict_of(None, None, (left,), 0.0)
     assert cause.reason == "jettison 0 is still on at the cut-off, when flown by another integrator"
 
 

@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fly trial flights by a few steering constants, and fit them so that the end is near the target.
+
+A group is the burns between two free coasts. Its pitch and yaw are linear in time, relative to the
+horizon in the first group of an ascent and to the velocity otherwise. Least squares on these and on
+the lengths of the free burns bring the end near the target.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ares_models.arrays import (
+    BURN,
+    COAST,
+    HEATING_LIMIT,
+    TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
+    MissionArrays,
+    Record,
+)
+from ares_models.floors import Floor, orbits_of
+from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.transcription import Times
+from ares_optimizer.kernels import timetable
+from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
+from ares_optimizer.plan import free_arcs, longest_burn
+
+Array = NDArray[np.float64]
+_STEP_S = 8.0
+_MOST_ROWS = 30_000
+#: Steering constants of a group: pitch and yaw at its begin and at its end.
+CONSTANTS = 4
+#: Altitude of a first parking orbit, m.
+_PARKING_M = 185e3
+#: Least altitude of that orbit above the floor of a coast, m.
+_CLEAR_M = 2e4
+#: Weights of the least squares in addition to the target: change of the constants and lengths, and
+#: depth below the floor in radii.
+_KEEP = 3e-3
+_DEEP = 3.0
+_MOST_ANGLE = 3.0  # rad
+#: Most evaluations of the Jacobian.
+_EFFORT = 25
+_LONGEST_S = 1e5
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Hold a trial flight.
+
+    Attributes:
+        times: its free times.
+        track: shape (n, TRACK_COLUMNS), of :mod:`rollout`.
+        miss: norm of the errors against target and floors, without unit.
+    """
+
+    times: Times
+    track: Array
+    miss: float
+
+
+class Pilot:
+    """Fly one mission by steering constants.
+
+    Attributes:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+        groups: group of each arc.
+        count: number of groups.
+    """
+
+    def __init__(
+        self, arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
+    ) -> None:
+        """Group the arcs and choose a first parking orbit.
+
+        Args:
+            arrays: the mission.
+            start: shape (1,), dtype NAVIGATION.
+            floors: of the arcs.
+        """
+        self.arrays = arrays
+        self.start = start
+        self.floors = floors
+        self._mission = arrays.records()
+        self.free = free_arcs(arrays, start[0])
+        first = int(start["arc"][0])
+        self.groups = np.zeros(len(arrays.arcs), np.int64)
+        group, burnt = 0, False
+        for k in range(first, len(arrays.arcs)):
+            arc = arrays.arcs[k]
+            if arc["kind"] == COAST and math.isinf(arc["duration"]) and burnt:
+                group += 1
+                burnt = False
+            burnt = burnt or arc["kind"] == BURN
+            self.groups[k] = group
+        self.count = group + 1
+        self._orbits = orbits_of(arrays, start)
+        mu = float(arrays.environment[0]["mu"])
+        r, v = start["position"][0], start["velocity"][0]
+        h = np.cross(r, v)
+        energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+        e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
+        #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
+        highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
+        self.parking_m = float(arrays.environment[0]["equatorial_radius"])
+        self.parking_m += max(_PARKING_M, highest + _CLEAR_M)
+        self.apogee_m = self.parking_m
+        for k, orbit in self._orbits.items():
+            if self.groups[k] == 1:
+                self.parking_m = float(orbit["perigee_radius"][0])
+                self.apogee_m = float(orbit["apogee_radius"][0])
+                break
+        self.period = math.tau * math.sqrt(self.parking_m**3 / mu)
+        self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
+        self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
+        self._layout = np.zeros(1, timetable.LAYOUT)
+        self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
+        self._waiting = [
+            j
+            for j, jettison in enumerate(arrays.jettisons)
+            if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
+        ]
+
+    # ---- lengths and times
+
+    def longest(self, k: int) -> float:
+        """Return the longest length of a free arc, s."""
+        arc = self.arrays.arcs[k]
+        most = float(arc["longest"])
+        if arc["kind"] == BURN:
+            most = min(most, longest_burn(self.arrays, k))
+        return most
+
+    def begins(self, lengths: Array, last: float) -> Array:
+        """Return the begin of each arc, and the end of the last, s, shape (arcs + 1,)."""
+        arcs = self.arrays.arcs
+        times = np.full(len(arcs) + 1, float(self.start["arc_start_time"][0]))
+        for k in range(int(self.start["arc"][0]), len(arcs)):
+            length = float(arcs[k]["duration"])
+            if k == len(arcs) - 1:
+                length = last
+            elif k in self.free:
+                length = float(lengths[self.free.index(k)])
+            times[k + 1] = times[k] + length
+        return times
+
+    def fly(self, times: Times, constants: Array) -> Array:
+        """Fly by four constants per group: pitch and yaw at begin and end, rad.
+
+        Returns:
+            track, shape (n, TRACK_COLUMNS), a view; empty if the times are not possible.
+        """
+        begins = self.begins(times.lengths, 0.0)
+        begins[-1] = times.cutoff
+        laws = np.zeros((len(self.arrays.arcs), rollout.LAW_COLUMNS))
+        first = int(self.start["arc"][0])
+        for group in range(self.count):
+            members = [k for k in range(first, len(laws)) if self.groups[k] == group]
+            burns = [k for k in members if self.arrays.arcs[k]["kind"] == BURN]
+            begin = max(begins[burns[0]], float(self.start["time"][0]))
+            laws[members, rollout.FROM_VELOCITY] = float(group > 0 or not self.ascends)
+            laws[members, rollout.REFERENCE] = begin
+            laws[members, rollout.SPAN] = max(1.0, begins[burns[-1] + 1] - begin)
+            laws[members, rollout.PITCH : rollout.LAW_COLUMNS] = constants[
+                CONSTANTS * group : CONSTANTS * (group + 1)
+            ]
+        ends = begins[1:][self.free] if self.free else np.zeros(1)
+        drops = np.concatenate((times.drops, [0.0]))
+        rows = rollout.fly_track(
+            self.start[0],
+            self._mission,
+            timetable.Times(timetable.HEATING_PASSIVE, drops, ends, times.cutoff),
+            laws,
+            _STEP_S,
+            self._segments,
+            self._layout,
+            self._track,
+        )
+        return self._track[:rows]
+
+    def with_drops(self, times: Times, track: Array) -> Times:
+        """Return the times with drops where the heating on a track first meets its limit."""
+        arcs = self.arrays.arcs
+        drops = []
+        for j in self._waiting:
+            jettison = self.arrays.jettisons[j]
+            index = track[:, rollout.ARC].astype(np.int64)
+            lit = (arcs["stage"][index] == jettison["stage"]) & (arcs["kind"][index] == BURN)
+            later = arcs["stage"][index] > jettison["stage"]
+            allowed = (np.maximum.accumulate(lit | later)) & (
+                track[:, rollout.LOG_HEATING] < math.log(float(jettison["value"]))
+            )
+            at = int(np.argmax(allowed)) if allowed.any() else len(track) - 1
+            drops.append(float(track[at, rollout.TIME]))
+        return times._replace(drops=self._inside(times, np.array(drops)))
+
+    def _inside(self, times: Times, drops: Array) -> Array:
+        """Move drops a little off the begins of arcs, and before the cut-off."""
+        begins = self.begins(times.lengths, 0.0)[:-1]
+        for i, drop in enumerate(drops):
+            near = np.abs(begins - drop) < 0.5
+            moved = drop + 0.5 if near.any() else drop
+            drops[i] = min(moved, times.cutoff - 1.0)
+        return drops
+
+    # ---- least squares
+
+    def miss_of(self, track: Array) -> Array:
+        """Return the errors of a track against the target, orbits of coasts, floors and ground."""
+        missed = [self._miss(self._mission.target, track[-1])]
+        for k, orbit in self._orbits.items():
+            # the coast begins at the last row of the burn before it
+            before = np.flatnonzero(track[:, rollout.ARC] < k)
+            missed.append(self._miss(orbit[0], track[before[-1] if before.size else 0]))
+        radius = float(self.arrays.environment[0]["equatorial_radius"])
+        deep = [
+            _DEEP * max(0.0, floor.altitude_m - self._lowest(track, floor)) / radius
+            for floor in self.floors
+            if math.isfinite(floor.altitude_m)
+        ]
+        ground = min(0.0, float(track[:, rollout.ALTITUDE].min())) / radius
+        return np.concatenate((*missed, deep, [_DEEP * ground]))
+
+    def _miss(self, target: Record, row: Array) -> Array:
+        """Return the errors of a row of a track against a target, record TARGET."""
+        c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
+        rows = terminal_rows(
+            target,
+            float(self.arrays.environment[0]["mu"]),
+            tuple(row[rollout.POSITION : rollout.POSITION + 3].tolist()),
+            tuple(row[rollout.VELOCITY : rollout.VELOCITY + 3].tolist()),
+            c,
+            gradient,
+        )
+        return 0.01 * c[:rows]
+
+    @staticmethod
+    def _lowest(track: Array, floor: Floor) -> float:
+        there = track[track[:, rollout.ARC] == floor.arc, rollout.ALTITUDE]
+        if not floor.said and len(there) and there[0] < floor.altitude_m:
+            return math.inf
+        return float(there.min(initial=math.inf))
+
+    def aim(self, times: Times, constants: Array, coasts: bool = False) -> tuple[Trial, Array]:
+        """Fit constants and lengths by least squares, so that a flight ends near the target.
+
+        Args:
+            times: initial times.
+            constants: initial constants, shape (4 groups,).
+            coasts: vary the lengths of coasts too.
+
+        Returns:
+            the flight, and its constants.
+        """
+        arcs = self.arrays.arcs
+        moved = [f for f, k in enumerate(self.free) if coasts or arcs[k]["kind"] == BURN]
+        last_free = math.isinf(arcs[-1]["duration"])
+        begins = self.begins(times.lengths, 0.0)
+        last = times.cutoff - float(begins[-1])
+        sizes = [min(self.longest(self.free[f]), _LONGEST_S) for f in moved]
+        sizes += [longest_burn(self.arrays, len(arcs) - 1)] if last_free else []
+        shares = [times.lengths[f] for f in moved] + ([last] if last_free else [])
+        least = [float(arcs[self.free[f]]["shortest"]) for f in moved] + [0.0] * last_free
+        n = constants.size
+        x0 = np.concatenate((constants, np.array(shares) / np.array(sizes) if sizes else []))
+        low = np.full(x0.size, -_MOST_ANGLE)
+        low[n:] = [
+            min(max(1e-3, shortest / size), 1.0 - 1e-5)
+            for shortest, size in zip(least, sizes, strict=True)
+        ]
+        high = np.concatenate((np.full(n, _MOST_ANGLE), np.ones(len(sizes))))
+        x0 = np.clip(x0, low + 1e-6, high - 1e-6)
+
+        def times_of(x: Array) -> Times:
+            lengths = times.lengths.copy()
+            lengths[moved] = x[n : n + len(moved)] * sizes[: len(moved)]
+            end = x[-1] * sizes[-1] if last_free else last
+            return times._replace(
+                lengths=lengths, cutoff=float(self.begins(lengths, 0.0)[-1] + end)
+            )
+
+        def residual(x: Array) -> Array:
+            track = self.fly(times_of(x), x[:n])
+            if not len(track):
+                return np.full(count, 1e3)
+            return np.concatenate((self.miss_of(track), _KEEP * (x - x0)))
+
+        track = self.fly(times_of(x0), x0[:n])
+        if not len(track):
+            return Trial(times, track.copy(), math.inf), constants
+        count = self.miss_of(track).size + x0.size
+        found = least_squares(
+            residual,
+            x0,
+            bounds=(low, high),
+            max_nfev=_EFFORT,
+            x_scale=0.3,
+            diff_step=np.full(x0.size, 1e-6),
+        )
+        there = times_of(found.x)
+        track = self.fly(there, found.x[:n])
+        if not len(track):
+            return Trial(times, track.copy(), math.inf), constants
+        there = self.with_drops(there, track)
+        again = self.fly(there, found.x[:n])
+        if len(again):
+            track = again
+        miss = float(np.linalg.norm(self.miss_of(track)))
+        return Trial(there, track.copy(), miss), found.x[:n]
+
+
+def target_energy(arrays: MissionArrays) -> float:
+    """Return the specific energy of the target orbit, m2/s2."""
+    target = arrays.target[0]
+    mu = float(arrays.environment[0]["mu"])
+    if target["kind"] in (TARGET_ELEMENTS,):
+        return 0.5 * float(target["c3"])
+    if target["kind"] == TARGET_KEPLERIAN:
+        return -0.5 * mu / float(target["semi_major_axis"])
+    return 0.5 * float(target["speed"]) ** 2 - mu / float(target["radius"])

@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measure and interpolate the solution of a program: times, floors, second-order conditions."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import qr
+
+from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME
+from ares_models.kernels.environment import altitude
+from ares_optimizer.collocation.arrays import GUIDED
+from ares_optimizer.collocation.costates import Adjoint, spread_of
+from ares_optimizer.collocation.guess import node_times
+from ares_optimizer.collocation.solver import Point
+from ares_optimizer.collocation.transcription import Times, Transcription, Turning
+from ares_optimizer.kernels import timetable
+from ares_optimizer.pieces import first_ignitions
+from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
+
+Array = NDArray[np.float64]
+#: Distance within which the bound of a variable is active.
+_AT_BOUND = 1e-6
+#: Curvature, relative to the greatest, that counts as zero.
+_STRAIGHT = 1e-7
+#: Multiplier above which a limit is active.
+_BINDING = 1e-8
+#: Multipliers of the motion below which no propellant can be saved, and the linear cost that
+#: then aligns the directions of thrust.
+_IDLE = 1e-6
+_ALIGNING = 1e-4
+#: Samples of a coast per state.
+_SAMPLES = 8
+SAME_LENGTH = 1e-3  # s
+
+
+@dataclass(frozen=True)
+class Found:
+    """Hold a local optimum.
+
+    Attributes:
+        program: the program.
+        point: its solution.
+        m_f_kg: the mass that is maximised, see :func:`mass_of`.
+    """
+
+    program: Transcription
+    point: Point
+    m_f_kg: float
+
+
+def worst_row(program: Transcription, point: Point) -> str:
+    """Return the name of the row with the largest violation."""
+    rows = np.zeros(program.row_lower.size)
+    program.rows(point.x, rows)
+    off = np.maximum(program.row_lower - rows, rows - program.row_upper)
+    return program.names[int(np.argmax(off))]
+
+
+def mass_of(program: Transcription, point: Point) -> float:
+    """Return the mass at the end of the last stage with a free burn, kg."""
+    return float(point.x[program.ends[program.saving]] * program.mass)
+
+
+def times_of(program: Transcription, x: Array) -> Times:
+    """Return the free times at a point of a program."""
+    begins = float(program.start["time"][0]) + program.time * np.concatenate(
+        ([0.0], np.cumsum(x[program.lengths]))
+    )
+    arrays, start = program.arrays, program.start[0]
+    lengths = []
+    low, _ = length_bounds(arrays, start)
+    for f, k in enumerate(free_arcs(arrays, start)):
+        members = program.arc_phases.get(k, [])
+        length = float(x[program.lengths[members]].sum()) * program.time if members else 0.0
+        past = float(start["time"] - start["arc_start_time"]) if k == start["arc"] else 0.0
+        lengths.append(max(length + past, float(low[f])))
+    last = program.arc_phases[max(program.arc_phases)][-1]
+    cutoff = float(begins[last + 1])
+    drops = []
+    for number in range(program.waiting):
+        p = program.drop_ends.get(number)
+        at = program.trial.drops[number] if p is None else float(begins[p + 1])
+        drops.append(_at_event(at, begins, p))
+    return Times(np.array(lengths), cutoff, np.array(drops))
+
+
+def _at_event(at: float, begins: Array, p: int | None) -> float:
+    """Return the time of a drop, snapped to a coincident event."""
+    if p is None:
+        return at
+    others = np.delete(begins, p + 1)
+    nearest = float(others[np.argmin(np.abs(others - at))])
+    return nearest if abs(nearest - at) < SAME_LENGTH else at
+
+
+def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
+    """Interpolate the variables of a finer program from those of a coarser one."""
+    lengths = x[old.lengths] * old.time
+    out = np.zeros(program.size)
+    pieces = program.segments
+    for p, piece in enumerate(pieces):
+        out[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
+        out[program.masses[p]] = float(piece["mass"]) / program.mass
+        out[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
+    then, now = node_times(old, lengths), node_times(program)
+    states = x[: 6 * old.nodes].reshape(-1, 6)
+    steady = np.concatenate(([True], np.diff(then) > 1e-9))
+    track = CubicHermiteSpline(
+        then[steady], states[steady, :3], states[steady, 3:] * (old.speed / old.radius)
+    )
+    inside = np.clip(now, then[0], then[-1])
+    new = np.column_stack((track(inside), track(inside, 1) * (old.radius / old.speed)))
+    new[0] = program.start_state
+    for c in range(3, 6):
+        new[1:, c] = np.interp(inside[1:], then[steady], states[steady, c])
+    out[: 6 * program.nodes] = new.ravel()
+    thrust_times, directions = [], []
+    for point in old.points:
+        if point["control"] >= 0:
+            at = int(point["control"])
+            thrust_times.append(then[int(point["node"] + point["number"])])
+            directions.append(x[at : at + 3])
+    if directions:
+        table = np.array(directions)
+        for point in program.points:
+            if point["control"] >= 0:
+                t = now[int(point["node"] + point["number"])]
+                u = np.array([np.interp(t, thrust_times, table[:, c]) for c in range(3)])
+                at = int(point["control"])
+                out[at : at + 3] = u / max(float(np.linalg.norm(u)), 1e-9)
+    return out
+
+
+def is_idle(found: Found) -> bool:
+    """Return true if no direction of the thrust can save propellant."""
+    rows = 6 * len(found.program.points)
+    return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
+
+
+def align_directions(program: Transcription, x: Array) -> None:
+    """Add a linear cost that aligns the directions of each guided phase.
+
+    Used where the mass does not depend on them.
+    """
+    for p in range(len(program.phases)):
+        if program.steering[p] == GUIDED:
+            at = program.control_of[p][:, None] + np.arange(3)
+            mean = x[at].mean(axis=0)
+            program.linear_cost[at] = (
+                -_ALIGNING * mean / (len(at) * max(float(np.linalg.norm(mean)), 1e-9))
+            )
+
+
+def turning_of(found: Found) -> Turning | None:
+    """Return the turn of the thrust over time; None without thrust."""
+    program, x = found.program, found.point.x
+    guided = np.flatnonzero(program.points["control"] >= 0)
+    if not guided.size:
+        return None
+    points = program.points[guided]
+    times = node_times(program, program.time * x[program.lengths])
+    times = times[points["node"] + points["number"]]
+    u = x[points["control"][:, None] + np.arange(3)]
+    turns = np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1.0, 1.0))
+    # ignore the direction as the thrust vanishes
+    turns[np.diff(times) < SAME_LENGTH] = 0.0
+    return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
+
+
+def is_saddle(found: Found) -> bool:
+    """Return true if the second-order conditions fail: mass can be gained at fixed rows.
+
+    The test is the sign of the least eigenvalue of the Hessian of the Lagrangian in the null space
+    of the active rows and bounds (Nocedal and Wright, Numerical Optimization, section 12.5).
+    """
+    program, point = found.program, found.point
+    n, m = program.size, program.row_lower.size
+    values = np.zeros(len(program.jacobian_pattern[0]))
+    program.jacobian(point.x, values)
+    rows = np.zeros((m, n))
+    np.add.at(rows, program.jacobian_pattern, values)
+    entries = np.zeros(len(program.hessian_pattern[0]))
+    program.hessian(point.x, point.multipliers, 1.0, entries)
+    hessian = np.zeros((n, n))
+    np.add.at(hessian, program.hessian_pattern, entries)
+    hessian = np.tril(hessian) + np.tril(hessian, -1).T
+    loose = (point.x - program.lower > _AT_BOUND) & (program.upper - point.x > _AT_BOUND)
+    holds = (program.row_lower == program.row_upper) | (np.abs(point.multipliers) > _BINDING)
+    held = rows[holds][:, loose].T
+    free = qr(held)[0][:, held.shape[1] :]
+    if not free.size:
+        return False
+    curvatures = np.linalg.eigvalsh(free.T @ hessian[np.ix_(loose, loose)] @ free)
+    return bool(curvatures[0] < -_STRAIGHT * max(1.0, abs(float(curvatures[-1]))))
+
+
+def hamiltonian_spread(found: Found, adjoint: Adjoint) -> float:
+    """Return the relative spread of the Hamiltonian in phases that touch no floor.
+
+    Where a coast touches its floor between two states, the multipliers are at these states, and the
+    Hamiltonian changes with the altitude from one to the other.
+    """
+    program = found.program
+    touched = {
+        p
+        for arc, rows in program.floor_rows.items()
+        if rows and np.abs(found.point.multipliers[rows]).max() > _BINDING
+        for p in program.arc_phases.get(arc, [])
+    }
+    spreads = spread_of(program, adjoint)
+    return max((s for p, s in spreads.items() if p not in touched), default=0.0)
+
+
+def lowest_in(found: Found, arc: int) -> float:
+    """Return the least altitude in an arc, m, also between its states."""
+    program, x = found.program, found.point.x
+    phases = program.arc_phases.get(arc, [])
+    if not phases:
+        return math.inf
+    times = node_times(program, x[program.lengths] * program.time)
+    states = x[: 6 * program.nodes].reshape(-1, 6)
+    inside = slice(int(program.first[phases[0]]), int(program.first[phases[-1] + 1]) + 1)
+    times, states = times[inside], states[inside]
+    if times[-1] - times[0] < SAME_LENGTH:
+        times, states = times[:1], states[:1]
+        grid = states[:, :3] * program.radius
+    else:
+        keep = np.concatenate(([True], np.diff(times) > 0.0))
+        track = CubicHermiteSpline(
+            times[keep], states[keep, :3] * program.radius, states[keep, 3:] * program.speed
+        )
+        grid = track(np.linspace(times[0], times[-1], _SAMPLES * len(times)))
+    environment = program.arrays.environment[0]
+    return float(min(altitude(tuple(r), environment) for r in grid))
+
+
+def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
+    """Return the time of every jettison, s; nan: done before, or not in this flight."""
+    arrays, start = program.arrays, program.start[0]
+    ignitions = first_ignitions(start, program.segments, arrays.arcs)
+    now = float(start["time"])
+    waiting = iter(times.drops)
+    out = []
+    for j, jettison in enumerate(arrays.jettisons):
+        if (int(start["jettisoned"]) >> j) & 1:
+            out.append(math.nan)
+            continue
+        lit = max(now, ignitions[int(jettison["stage"])])
+        if jettison["criterion"] == HEATING_LIMIT:
+            at = max(lit, float(next(waiting)))
+        elif jettison["criterion"] == MISSION_TIME:
+            at = max(lit, float(jettison["value"]))
+        else:
+            at = max(now, ignitions[int(jettison["stage"])] + float(jettison["value"]))
+        out.append(at if at <= times.cutoff else math.nan)
+    return tuple(out)
+
+
+def free_propellant(found: Found) -> float:
+    """Return the propellant of the free burns of the saving stage, kg; inf: it has none."""
+    program = found.program
+    arcs = program.arrays.arcs
+    saving = saving_stage(program.arrays, program.start[0])
+    burns = [
+        k
+        for k in program.arc_phases
+        if arcs[k]["stage"] == saving
+        and arcs[k]["kind"] == BURN
+        and math.isinf(arcs[k]["duration"])
+    ]
+    phases = [p for k in burns for p in program.arc_phases[k]]
+    if not phases:
+        return math.inf
+    burnt = found.point.x[program.masses[phases]] - found.point.x[program.ends[phases]]
+    return float(burnt.sum()) * program.mass

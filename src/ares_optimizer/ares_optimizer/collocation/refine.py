@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Refine a local optimum on finer intervals until another integrator confirms its flight."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
+
+from ares_models.floors import Floor
+from ares_optimizer.collocation.arrays import COASTING, GUIDED
+from ares_optimizer.collocation.costates import Adjoint, adjoint_of
+from ares_optimizer.collocation.points import (
+    SAME_LENGTH,
+    Array,
+    Found,
+    hamiltonian_spread,
+    is_idle,
+    jettison_times,
+    lowest_in,
+    mass_of,
+    times_of,
+)
+from ares_optimizer.collocation.search import Search, refined
+from ares_optimizer.collocation.solver import Point, solve_program
+from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.plan import with_lengths
+from ares_optimizer.proof.checks import constraint_table
+from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
+from ares_optimizer.request import Heating
+from ares_optimizer.solution import ConstraintCheck
+
+#: Factors on the number of intervals of the refined programs.
+_FINER = (1.5, 3.0, 5.0)
+#: Largest relative spread of the Hamiltonian along a phase.
+SPREAD = 1e-4
+#: Tolerance of the lowest point of a flight against its floor, m.
+SAG = 0.5
+#: Most solutions with adjusted floors.
+_MOST_LEVELS = 3
+#: Tolerances between the ends of a program and of its verification, m and m/s.
+_END_M = 2.0
+_END_M_S = 1e-2
+#: Angle between thrust and primer beyond which the primer does not steer, rad.
+_ASIDE = 1e-2
+#: Thrust, relative to the greatest of a phase, at which the direction is not compared.
+_LITTLE = 1e-3
+
+
+@dataclass(frozen=True)
+class Proven:
+    """Hold a point of a program with the flight that verifies it.
+
+    Attributes:
+        found: the point.
+        adjoint: its costates.
+        steering: the steering of the flight.
+        flight: None if no verification is requested.
+        checks: of the flight.
+        exact: true if the flight ends at the end state of the program.
+    """
+
+    found: Found
+    adjoint: Adjoint
+    steering: Steering
+    flight: Flight | None
+    checks: tuple[ConstraintCheck, ...]
+    exact: bool
+
+
+def refine_solution(search: Search, best: Found) -> tuple[Proven, tuple[Floor, ...]]:
+    """Refine the best solution until its flight is proven; return it with the floors it keeps."""
+    request = search.request
+    search.idle = is_idle(best)
+    floors = {floor.arc: floor for floor in search.floors if best.program.floor_rows.get(floor.arc)}
+    levels = {k: floor.altitude_m for k, floor in floors.items()}
+    proven: Proven | None = None
+    found = best
+    for finer in _FINER:
+        there = tuple(floor._replace(altitude_m=levels[k]) for k, floor in floors.items())
+        found = refined(search, found, there, finer) or found
+        for _ in range(_MOST_LEVELS):
+            if not _moved(found, floors, levels):
+                break
+            found = _with_levels(search, found, levels) or found
+        adjoint = adjoint_of(found.program, found.point)
+        steady = hamiltonian_spread(found, adjoint) <= SPREAD
+        if request.deadline.passed and not steady:
+            break
+        if not steady and finer < _FINER[-1]:
+            continue
+        proven = _verified(search, found, adjoint)
+        if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
+            break
+    if proven is None:
+        proven = _verified(search, found, adjoint_of(found.program, found.point))
+    return proven, tuple(floors.values())
+
+
+def _with_levels(search: Search, found: Found, levels: dict[int, float]) -> Found | None:
+    """Solve again with other floors; return None on failure."""
+    program = found.program
+    for arc, level in levels.items():
+        program.move_floor(arc, level)
+    point = solve_program(program, found.point, search.request.deadline)
+    search.iterations += point.iterations
+    if not point.solved:
+        return None
+    return Found(program, point, mass_of(program, point))
+
+
+def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
+    """Adjust the levels of the floors at the states, so that the flight between them stays above.
+
+    Returns:
+        true if a level changed.
+    """
+    moved = False
+    for k, floor in floors.items():
+        if not math.isfinite(floor.altitude_m):
+            continue
+        sag = floor.altitude_m + SAG - lowest_in(found, k)
+        if sag > SAG or (sag < -SAG and levels[k] > floor.altitude_m + SAG):
+            levels[k] = max(floor.altitude_m, levels[k] + sag)
+            moved = True
+    return moved
+
+
+def _verified(search: Search, found: Found, adjoint: Adjoint) -> Proven:
+    """Fly a point of a program by another integrator, if the request asks to verify."""
+    program, point, request = found.program, found.point, search.request
+    steering = steering_of(program, point, adjoint)
+    if not request.verify:
+        return Proven(found, adjoint, steering, None, (), exact=True)
+    times = times_of(program, point.x)
+    planned = with_lengths(search.arrays, search.start[0], times.lengths)
+    flight = fly(
+        planned,
+        search.start[0],
+        steering,
+        jettison_times(program, times),
+        times.cutoff,
+        [float(t) for t in adjoint.time[np.flatnonzero(np.diff(adjoint.phase)) + 1]],
+    )
+    held = Heating.IGNORED if request.heating is Heating.IGNORED else Heating.AT_JETTISON
+    checks = constraint_table(planned, search.start[0], flight, held)
+    off = flight.final[:6] - adjoint.state[-1]
+    exact = bool(np.linalg.norm(off[:3]) < _END_M and np.linalg.norm(off[3:]) < _END_M_S)
+    return Proven(found, adjoint, steering, flight, checks, exact)
+
+
+def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steering:
+    """Return the steering of a point: along the primer where thrust and primer agree.
+
+    There is no primer where propellant has no price, for example where burns of fixed length give
+    excess energy: the directions are interpolated instead.
+    """
+    laws: dict[int, Callable[[float], Array]] = {}
+    for p, phase in enumerate(program.phases):
+        if phase["steering"] == COASTING:
+            continue
+        rows = np.flatnonzero(adjoint.phase == p)
+        controls = program.control_of[p]
+        u = point.x[controls[:, None] + np.arange(3)]
+        times = adjoint.time[rows]
+        if phase["steering"] == GUIDED:
+            primer = adjoint.by_velocity[rows]
+            size = np.linalg.norm(primer, axis=1)
+            along = (primer[1:] * u).sum(axis=1) / np.maximum(size[1:], 1e-300)
+            thrust = phase["thrust"] + phase["thrust_slope"] * (times[1:] - times[0]) / program.time
+            along[thrust < _LITTLE * thrust.max()] = 1.0
+            if size.min() > 0.0 and along.min() > math.cos(_ASIDE) and np.ptp(times) > SAME_LENGTH:
+                laws[p] = CubicHermiteSpline(times, primer, -adjoint.by_position[rows])
+                continue
+        laws[p] = _interpolated(program, p, times, u)
+    begins = [float(adjoint.time[np.argmax(adjoint.phase == p)]) for p in laws]
+    numbers = list(laws)
+
+    def steering(begin: float, end: float) -> Direction:
+        middle = 0.5 * (begin + end)
+        index = max(0, int(np.searchsorted(begins, middle + 1e-9)) - 1)
+        law = laws[numbers[index]]
+
+        def at(t: float) -> Array:
+            vector = np.asarray(law(t))
+            return vector / math.sqrt(vector @ vector)
+
+        return at
+
+    return steering
+
+
+def _interpolated(
+    program: Transcription, p: int, times: Array, u: Array
+) -> Callable[[float], Array]:
+    """Interpolate the directions at the Radau points of a phase, by a polynomial per interval."""
+    d = program.degree
+    pieces = [
+        BarycentricInterpolator(times[1 + k * d : 1 + (k + 1) * d], u[k * d : (k + 1) * d])
+        for k in range(int(program.intervals[p]))
+    ]
+    begins = times[:-1:d]
+
+    def law(t: float) -> Array:
+        k = min(max(int(np.searchsorted(begins, t, side="right")) - 1, 0), len(pieces) - 1)
+        return np.asarray(pieces[k](t))
+
+    if times[-1] - times[0] < SAME_LENGTH or program.steering[p] != GUIDED:
+        return lambda _: u[-1]
+    return law

@@ -1,0 +1,409 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Convert a proven point of a program to a solution: arcs, costates, checks, status."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ares_models.arrays import BURN, HEATING_LIMIT
+from ares_models.floors import Floor
+from ares_models.judge import judge
+from ares_models.kernels.environment import heating_rate
+from ares_optimizer.collocation.arrays import COASTING, GUIDED
+from ares_optimizer.collocation.costates import Adjoint, costates_of
+from ares_optimizer.collocation.guess import node_times
+from ares_optimizer.collocation.points import (
+    SAME_LENGTH,
+    Array,
+    Found,
+    free_propellant,
+    hamiltonian_spread,
+    is_saddle,
+    jettison_times,
+    lowest_in,
+    times_of,
+)
+from ares_optimizer.collocation.refine import SAG, SPREAD, Proven
+from ares_optimizer.collocation.search import Search
+from ares_optimizer.collocation.solver import Point
+from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.kernels import timetable
+from ares_optimizer.obstacles import check_obstacle
+from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
+from ares_optimizer.proof.checks import verification
+from ares_optimizer.proof.held import held_checks, held_offsets
+from ares_optimizer.sensitivities import target_sensitivities
+from ares_optimizer.solution import (
+    NOTHING_SAVED,
+    OPTIMAL,
+    Cause,
+    Check,
+    ConstraintCheck,
+    Solution,
+    Status,
+    SteeringArc,
+    Trajectory,
+    next_to_nothing,
+)
+from ares_optimizer.targets import in_unit, target_rows
+
+METHOD = "collocation"
+#: Note of a solution: number of local optima that the starts led to.
+LOCAL_OPTIMA = "collocation_valleys"
+#: Least number of starts that led to a solution called optimal.
+_LEAST_MET = 2
+#: Altitude above a floor within which it is active, m.
+_ACTIVE = 10.0
+_NOTHING_KG = 0.1
+
+
+def _steering_arcs(
+    program: Transcription, point: Point, adjoint: Adjoint
+) -> tuple[SteeringArc, ...]:
+    """Return a linear-tangent law per phase: the chord from first to last direction."""
+    arcs = []
+    lengths = program.time * point.x[program.lengths]
+    begins = float(program.start["time"][0]) + np.concatenate(([0.0], np.cumsum(lengths)))
+    for p, phase in enumerate(program.phases):
+        rows = np.flatnonzero(adjoint.phase == p)
+        first_mass = float(point.x[program.masses[p]]) * program.mass
+        last_mass = float(point.x[program.ends[p]]) * program.mass
+        primer = adjoint.by_velocity[rows]
+        if phase["steering"] not in (COASTING, GUIDED):
+            primer = adjoint.direction[rows]
+        size = max(float(np.linalg.norm(primer[0])), 1e-300)
+        direction = primer[0] / size
+        rate = (primer[-1] - primer[0]) / (size * max(float(lengths[p]), SHORTEST))
+        gained = 0.0
+        primer_rate = np.full(3, math.nan)
+        if phase["steering"] == GUIDED:
+            primer_rate = -adjoint.by_position[rows[0]] / size
+        if phase["steering"] != COASTING:
+            k = int(program.segments[p]["arc"])
+            exhaust = float(program.arrays.arcs[k]["exhaust_velocity"])
+            gained = exhaust * math.log(first_mass / last_mass)
+        arcs.append(
+            SteeringArc(
+                float(begins[p]),
+                float(begins[p + 1]),
+                float(begins[p]),
+                (float(direction[0]), float(direction[1]), float(direction[2])),
+                (float(rate[0]), float(rate[1]), float(rate[2])),
+                first_mass,
+                last_mass,
+                gained,
+                (float(primer_rate[0]), float(primer_rate[1]), float(primer_rate[2])),
+            )
+        )
+    return tuple(arcs)
+
+
+def solution_of(
+    search: Search, proven: Proven, floors: tuple[Floor, ...], elapsed: float
+) -> Solution:
+    """Convert a point of a program to a solution."""
+    program, point, flight = proven.found.program, proven.found.point, proven.flight
+    times = times_of(program, point.x)
+    planned = with_lengths(search.arrays, search.start[0], times.lengths)
+    costates = costates_of(program, point, proven.adjoint)
+    spread = hamiltonian_spread(proven.found, proven.adjoint)
+    floor_checks = tuple(_floor_check(proven.found, floor) for floor in floors)
+    checks = (
+        *_with_sensitivities(search, proven, proven.checks),
+        *floor_checks,
+        *_orbit_checks(proven),
+        *_length_checks(program, point, times),
+    )
+    nodes = _nodes(program, point)
+    solution = Solution(
+        METHOD,
+        *verdict_of(search, proven, checks, spread),
+        jettison_times(program, times),
+        times.cutoff,
+        float(proven.found.point.x[program.ends[-1]]) * program.mass,
+        search.iterations,
+        elapsed,
+        arcs=_steering_arcs(program, point, proven.adjoint),
+        lengths_s=tuple(float(length) for length in times.lengths),
+        constraints=checks,
+        trajectory=_sampled(program, proven, nodes),
+        costates=costates,
+        parameters=_unknowns(program, proven, times),
+        restarts=max(0, search.starts - 1),
+        by_legs=True,
+        notes={LOCAL_OPTIMA: float(len(search.optima))},
+    )
+    if flight is None:
+        return solution
+    offsets = held_offsets(planned, flight, proven.steering, costates)
+    directions = held_checks(planned, flight, offsets)
+    checks = (*checks, *directions)
+    return replace(
+        solution,
+        **verdict_of(search, proven, checks, spread)._asdict(),
+        m_f_kg=float(flight.final[6]),
+        constraints=checks,
+        verification=verification(planned, flight, nodes[program.first]),
+        trajectory=flight.trajectory,
+        costates=replace(costates, held_off_deg=offsets),
+    )
+
+
+def _unknowns(program: Transcription, proven: Proven, times: Times) -> Array:
+    """Return the unknowns of the two-point problem, see ``indirect.solver.Root``."""
+    point, adjoint = proven.found.point, proven.adjoint
+    arrays, start = program.arrays, program.start[0]
+    size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
+    unknowns = [*adjoint.by_velocity[0] / size, *adjoint.by_position[0] / size, times.cutoff]
+    waiting = [
+        j
+        for j, jettison in enumerate(arrays.jettisons)
+        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"]) >> j) & 1
+    ]
+    for j, at in zip(waiting, times.drops, strict=True):
+        row = program.heating_rows.get(j)
+        pi = 0.0 if row is None else float(point.multipliers[row]) * program.mass / size
+        unknowns += [at, min(0.0, pi)]
+    now = float(start["arc_start_time"])
+    lengths = iter(times.lengths)
+    free = free_arcs(arrays, start)
+    for k in range(int(start["arc"]), len(arrays.arcs) - 1):
+        now += float(next(lengths)) if k in free else float(arrays.arcs[k]["duration"])
+        if k in free:
+            unknowns.append(now)
+    for k in range(int(start["arc"]), len(arrays.arcs)):
+        if arrays.arcs[k]["held"]:
+            p = next(p for p in range(len(program.phases)) if program.segments[p]["arc"] == k)
+            at = program.control_of[p][0]
+            unknowns += list(point.x[at : at + 3])
+    return np.array(unknowns)
+
+
+def _sampled(program: Transcription, proven: Proven, nodes: Array) -> Trajectory:
+    """Convert the states of a program to a trajectory, with samples at both ends of phases."""
+    adjoint = proven.adjoint
+    masses = np.interp(adjoint.time, nodes[:, 0], nodes[:, 7])
+    thrust = np.zeros(len(adjoint.time))
+    for p, piece in enumerate(program.segments):
+        rows = adjoint.phase == p
+        begin = float(proven.found.point.x[program.masses[p]]) * program.mass
+        into = adjoint.time[rows] - adjoint.time[rows][0]
+        moved = piece.copy()
+        moved["start"], moved["mass"] = 0.0, begin
+        masses[rows] = [timetable.segment_mass(moved, s) for s in into]
+        thrust[rows] = [timetable.segment_thrust(moved, s) for s in into]
+    direction = adjoint.direction.copy()
+    for i in range(1, len(direction)):
+        if np.isnan(direction[i]).any():
+            direction[i] = direction[i - 1]
+    first = np.argmax(~np.isnan(direction).any(axis=1))
+    direction[:first] = direction[first]
+    state = adjoint.state
+    environment, atmosphere = program.arrays.environment[0], program.arrays.atmosphere
+    rates = [heating_rate(tuple(y[:3]), tuple(y[3:]), environment, atmosphere) for y in state]
+    return Trajectory(
+        adjoint.time, state[:, :3], state[:, 3:], masses, direction, np.array(rates), thrust
+    )
+
+
+def _nodes(program: Transcription, point: Point) -> Array:
+    """Return the states of the program with time and mass, shape (n, 8).
+
+    Masses are exact at the begins of phases and interpolated between them.
+    """
+    times = node_times(program, program.time * point.x[program.lengths])
+    states = point.x[: 6 * program.nodes].reshape(-1, 6)
+    masses = np.interp(
+        np.arange(program.nodes),
+        program.first,
+        program.mass * np.concatenate((point.x[program.masses], point.x[program.ends[-1:]])),
+    )
+    return np.column_stack(
+        (times, program.radius * states[:, :3], program.speed * states[:, 3:], masses)
+    )
+
+
+def verdict_of(
+    search: Search, proven: Proven, checks: tuple[ConstraintCheck, ...], spread: float
+) -> Cause:
+    """Return OPTIMAL, or the cause why a solution is not proven optimal."""
+    broken = next((check for check in checks if not check.satisfied), None)
+    if broken is not None:
+        return Cause(
+            Status.NOT_OPTIMAL,
+            f"{check_obstacle((broken,))}, when flown by another integrator",
+        )
+    propellant = free_propellant(proven.found)
+    if not math.isfinite(propellant):
+        return Cause(Status.FEASIBLE, NOTHING_SAVED)
+    # on the coarse intervals of the search, as the test uses dense matrices
+    if proven.found.point.regularized and search.best is not None and is_saddle(search.best):
+        return Cause(Status.FEASIBLE, "the second-order conditions are not met")
+    if propellant < _NOTHING_KG:
+        return Cause(Status.CONVERGED, next_to_nothing(propellant))
+    if search.starts > 1 and search.again < _LEAST_MET:
+        return Cause(
+            Status.FEASIBLE,
+            f"only one of {search.starts} starts led here: there may be a better one",
+        )
+    if spread > SPREAD:
+        return Cause(
+            Status.FEASIBLE,
+            f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts",
+        )
+    touched = [
+        floor.arc
+        for floor in search.added
+        for check in checks
+        if check.active and check.name == _floor_name(floor.arc)
+    ]
+    if touched:
+        return Cause(
+            Status.FEASIBLE,
+            f"arc {touched[0]} would go through the ground and is kept above "
+            f"{search.added[0].altitude_m:,.0f} m, near where the flight begins; the file does not "
+            "say how low it may be (min_altitude_m)",
+        )
+    return OPTIMAL
+
+
+def _floor_name(arc: int) -> str:
+    return f"lowest altitude in arc {arc}"
+
+
+def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
+    """Return the check of a floor, with kg of final mass per m."""
+    rows = found.program.floor_rows[floor.arc]
+    if not math.isfinite(floor.altitude_m):
+        return _perigee_check(found, floor)
+    price = float(found.point.multipliers[rows].sum()) * found.program.mass / found.program.radius
+    low = lowest_in(found, floor.arc)
+    return ConstraintCheck(
+        Check.LOWEST_ALTITUDE,
+        _floor_name(floor.arc),
+        low,
+        floor.altitude_m,
+        low < floor.altitude_m + _ACTIVE,
+        "m",
+        low >= floor.altitude_m - 0.1 * SAG,
+        price,
+    )
+
+
+def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
+    """Return the check of the perigee of a coast's orbit, with kg of final mass per m."""
+    program, x = found.program, found.point.x
+    node = int(program.first[program.arc_phases[floor.arc][0]])
+    r = x[6 * node : 6 * node + 3] * program.radius
+    v = x[6 * node + 3 : 6 * node + 6] * program.speed
+    mu = float(program.arrays.environment[0]["mu"])
+    h = float(np.linalg.norm(np.cross(r, v)))
+    energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+    e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * h * h / mu**2))
+    perigee = h * h / mu / (1.0 + e)
+    row = program.floor_rows[floor.arc][-1]
+    # row: (h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p) / (2 mu p)
+    slope = (2.0 * floor.perigee_m * energy + mu) / (mu * floor.perigee_m)
+    return ConstraintCheck(
+        Check.LOWEST_ALTITUDE,
+        f"perigee radius in arc {floor.arc}",
+        perigee,
+        floor.perigee_m,
+        perigee < floor.perigee_m + _ACTIVE,
+        "m",
+        perigee >= floor.perigee_m - SAG,
+        float(found.point.multipliers[row]) * program.mass * slope,
+    )
+
+
+def _orbit_checks(proven: Proven) -> Iterator[ConstraintCheck]:
+    """Yield checks of the orbits that coasts name, with kg of final mass per unit."""
+    program, adjoint = proven.found.program, proven.adjoint
+    environment = program.arrays.environment[0]
+    mu, ground = float(environment["mu"]), float(environment["equatorial_radius"])
+    for orbit, (k, p) in zip(program.targets[1:], program.orbit_phases.items(), strict=True):
+        at = int(np.argmax(adjoint.phase == p))
+        state = adjoint.state[at]
+        # jump of the costates at the constraint
+        jump = np.concatenate(
+            [
+                costate[at - 1] - costate[at]
+                for costate in (adjoint.by_position, adjoint.by_velocity)
+            ]
+        )
+        judged = judge(state[:3], state[3:], orbit, mu, ground)
+        rows = target_rows(orbit)
+        worth = target_sensitivities(orbit, mu, state, jump)
+        for row, price in zip(rows, worth, strict=True):
+            limit = in_unit(orbit, row)
+            error, allowed = judged.error_of(row.key)
+            name = f"{row.name.removesuffix(' at cut-off')} in arc {k}"
+            yield ConstraintCheck(
+                Check.PARKING_ORBIT,
+                name,
+                limit + error,
+                limit,
+                True,
+                row.unit,
+                abs(error) <= allowed,
+                -float(price),
+            )
+
+
+def _with_sensitivities(
+    search: Search, proven: Proven, checks: tuple[ConstraintCheck, ...]
+) -> tuple[ConstraintCheck, ...]:
+    """Return the checks with sensitivities, kg of final mass per unit."""
+    arrays = search.arrays
+    program, point, adjoint = proven.found.program, proven.found.point, proven.adjoint
+    target = arrays.target[0]
+    costate = np.concatenate((adjoint.by_position[-1], adjoint.by_velocity[-1]))
+    mu = float(arrays.environment[0]["mu"])
+    worth = target_sensitivities(target, mu, adjoint.state[-1], costate)
+    sensitivities: dict[tuple[Check, int | None], float] = {
+        (row.key, None): -float(value)
+        for row, value in zip(target_rows(target), worth, strict=True)
+    }
+    for j, row in program.heating_rows.items():
+        sensitivities[Check.HEATING_AT_JETTISON, j] = (
+            -float(point.multipliers[row]) * program.mass / float(arrays.jettisons[j]["value"])
+        )
+    return tuple(
+        replace(check, multiplier=sensitivities.get((check.key, check.jettison), check.multiplier))
+        for check in checks
+    )
+
+
+def _length_checks(
+    program: Transcription, point: Point, times: Times
+) -> tuple[ConstraintCheck, ...]:
+    """Return checks on the lengths of the free arcs, with kg of final mass per second."""
+    arrays, start = program.arrays, program.start[0]
+    low, high = length_bounds(arrays, start)
+    checks = []
+    for f, k in enumerate(free_arcs(arrays, start)):
+        length = float(times.lengths[f])
+        short = length < low[f] + SAME_LENGTH
+        long = length > high[f] - SAME_LENGTH
+        bound = float(low[f]) if short or math.isinf(high[f]) else float(high[f])
+        members = program.arc_phases.get(k, [])
+        worth = math.nan
+        if len(members) == 1:
+            at = program.lengths[members[0]]
+            worth = float(point.at_upper[at] - point.at_lower[at]) * program.mass / program.time
+        burn = arrays.arcs[k]["kind"] == BURN
+        checks.append(
+            ConstraintCheck(
+                Check.ARC_LENGTH,
+                f"length of arc {k}",
+                length,
+                bound,
+                bool(short or long),
+                "s",
+                bool(low[f] - SAME_LENGTH <= length <= high[f] + SAME_LENGTH),
+                (math.nan if burn and long else worth) if short or long else 0.0,
+            )
+        )
+    return tuple(checks)

@@ -1,0 +1,414 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Search the local optima of a mission: collocation on coarse intervals from several starts."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, COAST, MissionArrays
+from ares_models.floors import Floor, edge_of_air
+from ares_models.kernels.environment import altitude
+from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.guess import guess_of, trials
+from ares_optimizer.collocation.pilot import Trial
+from ares_optimizer.collocation.points import (
+    SAME_LENGTH,
+    Array,
+    Found,
+    align_directions,
+    finer_guess,
+    lowest_in,
+    mass_of,
+    times_of,
+    turning_of,
+    worst_row,
+)
+from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, solve_program
+from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.plan import free_arcs
+from ares_optimizer.request import Request
+from ares_optimizer.solution import OUT_OF_TIME, Cause, Status
+
+#: Relative difference of mass within which two solutions are the same local optimum. On coarse
+#: intervals floors hold at the states only.
+SAME_MASS = 3e-4
+#: Difference of the lengths of free arcs, relative and in s, beyond which two solutions differ.
+_SAME_ARCS = 0.02
+_SAME_ARC_S = 1.0
+#: The search ends when so many starts led to the best solution. With a free coast it also needs so
+#: many starts, of which no other solution came from any and so few failed.
+_ENOUGH = 3
+_LEAST_STARTS = 5
+_FAILED = 1
+#: Miss of a trial flight beyond which a start mostly fails, slowly.
+_FAR_OFF = 0.3
+#: Time by which an event is moved past another, s.
+_MOVES_S = (1.0, 0.1)
+#: Most such moves in a row, and least relative gain of mass to continue.
+_MOST_MOVES = 3
+_GAINED = 1e-7
+#: Propellant fraction of the last stage in the search for the shortfall of propellant.
+_MOST_PROPELLANT = 0.97
+#: Iterations from a first guess; longer searches mostly fail or repeat a solution.
+_MOST_FIRST = 100
+#: Depth below ground at which an arc without a floor gets one, m.
+_DEEP_M = 1.0
+#: Such a floor is so far below the start of the flight, m.
+_BELOW_START_M = 1e3
+#: Depth below a floor between the states, m, beyond which the intervals are too long.
+_SAGS = 1e3
+#: Initial barrier parameter near a solution.
+_NEAR = 1e-4
+_CORNER = 1e-6
+
+
+@dataclass
+class LocalOptimum:
+    """Hold a local optimum and the number of starts that led to it.
+
+    Attributes:
+        found: its best solution.
+        lengths: of its free arcs, s.
+        met: number of starts that led to it.
+    """
+
+    found: Found
+    lengths: Array
+    met: int = 1
+
+    def holds(self, found: Found, lengths: Array) -> bool:
+        """Return true if a solution is this local optimum."""
+        near = SAME_MASS * self.found.m_f_kg
+        if abs(found.m_f_kg - self.found.m_f_kg) > near:
+            return False
+        allowed = _SAME_ARCS * np.maximum(self.lengths, lengths) + _SAME_ARC_S
+        return bool((np.abs(self.lengths - lengths) <= allowed).all())
+
+
+class Search:
+    """Hold all starts of one mission.
+
+    Attributes:
+        added: floors that the mission lacks, of arcs that went below the ground.
+        optima: the local optima, the best first.
+        starts: number of starts tried.
+        iterations: of all starts.
+        idle: true if no thrust direction of the best solution can save propellant.
+    """
+
+    def __init__(
+        self,
+        arrays: MissionArrays,
+        start: NDArray[np.void],
+        floors: tuple[Floor, ...],
+        request: Request,
+    ) -> None:
+        self.arrays, self.start, self.floors = arrays, start, floors
+        self.request = request
+        self.added: tuple[Floor, ...] = ()
+        self.optima: list[LocalOptimum] = []
+        self.starts = 0
+        self.iterations = 0
+        self.idle = False
+        self._violations: list[tuple[float, str]] = []
+        self._unproven = False
+        r = start["position"][0]
+        self._start_m = float(altitude(tuple(r), arrays.environment[0]))
+
+    @property
+    def best(self) -> Found | None:
+        """Return the local optimum with the greatest mass."""
+        return self.optima[0].found if self.optima else None
+
+    @property
+    def again(self) -> int:
+        """Count the starts that led to the mass of the best solution."""
+        if not self.optima:
+            return 0
+        least = (1.0 - SAME_MASS) * self.optima[0].found.m_f_kg
+        return sum(optimum.met for optimum in self.optima if optimum.found.m_f_kg >= least)
+
+    @property
+    def is_conclusive(self) -> bool:
+        """Return true if enough starts led to the best solution.
+
+        A free coast may have several local optima: all starts are tried, unless the first ones,
+        which cover the lengths, led to a single one.
+        """
+        if self.again < _ENOUGH:
+            return False
+        free = free_arcs(self.arrays, self.start[0])
+        coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
+        if not coasts:
+            return True
+        led = sum(optimum.met for optimum in self.optima)
+        return (
+            len(coasts) == 1
+            and self.starts >= _LEAST_STARTS
+            and led == self.again >= self.starts - _FAILED
+        )
+
+    def try_start(self, trial: Trial) -> None:
+        """Solve from a trial flight; skip one far from its target if a solution is known."""
+        if self.best is not None and trial.miss > _FAR_OFF:
+            return
+        self.starts += 1
+        found = self._solved(trial)
+        if found is not None and (deep := self._underground(found)):
+            # floor of these arcs: _BELOW_START_M below the start, at most the edge of the air
+            level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
+            added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
+            self.floors += added
+            self.added += added
+            found = self._solved(trial)
+        if found is not None and not self._underground(found):
+            self.keep(found)
+        elif found is not None:
+            self._unproven = True
+
+    def _underground(self, found: Found) -> list[int]:
+        """Return the arcs without a floor that a flight flies below the ground."""
+        rows = found.program.floor_rows
+        return [
+            k
+            for k in found.program.arc_phases
+            if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
+        ]
+
+    def _solved(self, trial: Trial) -> Found | None:
+        """Solve from a trial flight; return None on failure."""
+        floors = floors_on(self.floors, self._start_m, trial)
+        try:
+            program = Transcription(self.arrays, self.start, trial.times, floors)
+        except ValueError:
+            self._unproven = True
+            return None
+        point = solve_program(
+            program, guess_of(program, trial), self.request.deadline, most=_MOST_FIRST
+        )
+        self.iterations += point.iterations
+        if not point.solved:
+            if point.status == LOCALLY_INFEASIBLE:
+                self._violations.append((point.violation, worst_row(program, point)))
+            else:
+                self._unproven = True
+            return None
+        known = Found(program, point, mass_of(program, point))
+        found = known if not self._dips_below_floor(known) else self._retranscribed(known, floors)
+        if found is None:
+            self._unproven = True
+            return None
+        for _ in range(_MOST_MOVES):
+            better = self._reordered(found, floors)
+            if better is None:
+                break
+            found = better
+        return found
+
+    def _dips_below_floor(self, found: Found) -> bool:
+        """Return true if a coast dips below a floor between its states."""
+        return any(
+            lowest_in(found, floor.arc) < floor.altitude_m - _SAGS
+            for floor in self.floors
+            if found.program.floor_rows.get(floor.arc)
+        )
+
+    def _retranscribed(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+        """Solve on intervals for the lengths of a solution; return None on failure."""
+        again = refined(self, found, floors, 1.0)
+        return again if again is None or not self._dips_below_floor(again) else None
+
+    def _reordered(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+        """Solve with two events in the other order; return None where that is no better.
+
+        A fairing may drop in another arc, and the limit of a throttle may be reached in another
+        burn or in none, than in the trial flight.
+        """
+        for times in moved_events(found):
+            try:
+                program = Transcription(self.arrays, self.start, times, floors)
+            except ValueError:
+                continue
+            guess = finer_guess(program, found.program, found.point.x)
+            point = solve_program(
+                program, guess, self.request.deadline, mu=_CORNER, most=_MOST_FIRST
+            )
+            self.iterations += point.iterations
+            if point.solved and mass_of(program, point) > found.m_f_kg * (1.0 + _GAINED):
+                return Found(program, point, mass_of(program, point))
+        return None
+
+    def keep(self, found: Found) -> None:
+        """Store a local optimum, or count it with a known one."""
+        lengths = times_of(found.program, found.point.x).lengths
+        for optimum in self.optima:
+            if optimum.holds(found, lengths):
+                optimum.met += 1
+                if found.m_f_kg > optimum.found.m_f_kg:
+                    optimum.found, optimum.lengths = found, lengths
+                break
+        else:
+            self.optima.append(LocalOptimum(found, lengths))
+        self.optima.sort(key=lambda optimum: -optimum.found.m_f_kg)
+
+    def failure(self) -> Cause:
+        """Return the cause of a search without solution."""
+        if self.best is not None:
+            return Cause(Status.NOT_OPTIMAL, "no better solution was found")
+        if self.request.deadline.passed:
+            return OUT_OF_TIME
+        if self._violations and not self._unproven:
+            violation, name = min(self._violations)
+            return Cause(
+                Status.INFEASIBLE,
+                f"no flight to the target exists near any of {self.starts} starts: the least "
+                f"violation is {violation:.2g}, of {name}",
+            )
+        if not self.starts:
+            return Cause(
+                Status.ILLEGAL_START,
+                "no flight can be laid out: the last burn does not begin, or too many events",
+            )
+        return Cause(Status.STALLED, f"no flight to the target found from {self.starts} starts")
+
+
+def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
+    """Return the mission with a last stage that is nearly all propellant."""
+    arcs = arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
+    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
+    return arrays._replace(arcs=arcs)
+
+
+def short_of_propellant(search: Search, cause: Cause) -> Cause:
+    """Return the cause of a failed search, with the shortfall of propellant if any.
+
+    The search is repeated with more propellant in the last stage. A solution that needs no more
+    than the mission has goes to the search of the mission.
+    """
+    arrays = with_more_propellant(search.arrays)
+    arcs = arrays.arcs
+    last = arcs["stage"] == arcs[-1]["stage"]
+    usable = float(search.arrays.arcs[-1]["propellant"])
+    if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
+        return cause
+    more = Search(arrays, search.start, search.floors, search.request)
+    for trial in trials(more.arrays, search.start, search.floors):
+        if search.request.deadline.passed or more.is_conclusive:
+            break
+        more.try_start(trial)
+    search.iterations += more.iterations
+    if more.best is None:
+        return cause
+    program, x = more.best.program, more.best.point.x
+    stages = arcs["stage"][program.segments["arc"]]
+    members = np.flatnonzero(stages == arcs[-1]["stage"])
+    burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
+    if burnt <= usable:
+        search.starts += more.starts
+        search.keep(more.best)
+        return cause
+    return Cause(
+        Status.INFEASIBLE,
+        f"propellant of the last stage: {burnt - usable:,.0f} kg short, the best flight takes "
+        f"{burnt:,.0f} kg of {usable:,.0f} kg",
+    )
+
+
+def moved_events(found: Found) -> Iterator[Times]:
+    """Yield times with an event moved past another that it coincides with."""
+    program, x = found.program, found.point.x
+    lengths = x[program.lengths] * program.time
+    for move in _MOVES_S:
+        for phases in program.arc_phases.values():
+            for p in phases:
+                if len(phases) > 1 and lengths[p] <= SAME_LENGTH:
+                    times = _moved_times(program, times_of(program, x), phases, p, move)
+                    if times is not None:
+                        yield times
+
+
+def _moved_times(
+    program: Transcription, times: Times, phases: list[int], p: int, move: float
+) -> Times | None:
+    """Return the times with the event at a vanished phase moved out of its arc.
+
+    Args:
+        program: the program.
+        times: of its solution.
+        phases: of the arc.
+        p: the vanished phase.
+        move: time by which to move, s.
+    """
+    drops = times.drops.copy()
+    for number, at in program.drop_ends.items():
+        if at == p and p == phases[0]:
+            drops[number] -= move
+        if at == p - 1 and p == phases[-1]:
+            drops[number] += move
+    if (drops != times.drops).any():
+        return times._replace(drops=drops)
+    # limit of a throttle: end the burn before it, or the burn before later
+    k = int(program.segments[p]["arc"])
+    burn, step = (k, -move) if p == phases[-1] else (_burn_before(program, k), move)
+    free = free_arcs(program.arrays, program.start[0])
+    if burn == len(program.arrays.arcs) - 1:
+        return times._replace(cutoff=times.cutoff + step)
+    if burn not in free:
+        return None
+    moved = times.lengths.copy()
+    moved[free.index(burn)] += step
+    return times._replace(lengths=moved)
+
+
+def _burn_before(program: Transcription, k: int) -> int:
+    """Return the burn before an arc; -1: none."""
+    burns = [b for b in program.arc_phases if b < k and program.arrays.arcs[b]["kind"] == BURN]
+    return max(burns, default=-1)
+
+
+def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[Floor, ...]:
+    """Return the active floors: in the ascent a coast may be below the default floor.
+
+    Args:
+        floors: of the mission.
+        start_m: altitude at the start.
+        trial: a flight.
+    """
+    kept = []
+    for floor in floors:
+        arcs, heights = trial.track[:, rollout.ARC], trial.track[:, rollout.ALTITUDE]
+        before = heights[arcs < floor.arc]
+        highest = max(start_m, float(before.max(initial=-math.inf)))
+        if floor.said or highest >= floor.altitude_m:
+            kept.append(floor)
+    return tuple(kept)
+
+
+def refined(search: Search, found: Found, floors: tuple[Floor, ...], finer: float) -> Found | None:
+    """Solve on finer intervals from a point; return None on failure."""
+    times = times_of(found.program, found.point.x)
+    try:
+        turning = None if search.idle else turning_of(found)
+        program = Transcription(
+            search.arrays, search.start, times, floors, finer=finer, turning=turning
+        )
+    except ValueError:
+        return None
+    guess = finer_guess(program, found.program, found.point.x)
+    if search.idle:
+        align_directions(program, guess)
+    known: Found | None = None
+    for mu in (_NEAR, None):
+        point = solve_program(program, guess, search.request.deadline, mu=mu)
+        search.iterations += point.iterations
+        if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
+            known = Found(program, point, mass_of(program, point))
+        # the barrier may lead away from the solution nearby
+        if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - SAME_MASS):
+            break
+    return known
