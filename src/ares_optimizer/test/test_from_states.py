@@ -255,10 +255,10 @@ class TestTimeLimit:
         assert solution.reason == OUT_OF_TIME.reason
 
     def test_stops_a_continuation(self, ares_v):
-        from ares_optimizer.indirect.solve import _from_light_drops
+        from ares_optimizer.indirect.continuation import from_light_drops
 
         solver = TwoPointSolver(ares_v.arrays, deadline=Deadline(0.0))
-        assert _from_light_drops(solver, ares_v.mission.start().navigation()) is None
+        assert from_light_drops(solver, ares_v.mission.start().navigation()) is None
 
     @pytest.mark.parametrize("limit", [-1.0, float("nan")])
     def test_bad_limits(self, ares_v, limit):

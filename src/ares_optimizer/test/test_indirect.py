@@ -21,14 +21,14 @@ from ares_models.arrays import (
 from ares_models.atmosphere import pra63_data, pra63_exponential
 from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_models.mission import load_mission
-from ares_optimizer.indirect.kernels import sample
-from ares_optimizer.indirect.solve import (
-    _failure_cause,
-    _from_high_limits,
-    _from_light_drops,
-    _from_linear_gravity,
-    solve_indirect,
+from ares_optimizer.indirect.continuation import (
+    from_high_limits,
+    from_light_drops,
+    from_linear_gravity,
 )
+from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.indirect.report import failure_cause
+from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import (
     IndirectGuess,
     TwoPointOptions,
@@ -449,7 +449,7 @@ class TestConvergence:
         if not dropped:
             assert rest.unknowns[7] == pytest.approx(root.unknowns[7], abs=1e-3)
 
-    @pytest.mark.parametrize("ladder", [_from_linear_gravity, _from_light_drops, _from_high_limits])
+    @pytest.mark.parametrize("ladder", [from_linear_gravity, from_light_drops, from_high_limits])
     def test_continuations_lead_there_too(self, ares, ladder):
         arrays, start = ares
         solver = TwoPointSolver(arrays)
@@ -572,11 +572,11 @@ class TestObstacles:
         assert root.converged
         unsound = replace(root, status=newton.UNSOUND)
         monkeypatch.setattr(solver, "solve", lambda _start: unsound)
-        cause = _failure_cause(solver, start, unsound)
+        cause = failure_cause(solver, start, unsound)
         assert cause.status is Status.NOT_OPTIMAL
         assert cause.reason.startswith("the root found is not a flight: below ground")
         solver.arrays.target["radius"] += 200.0
-        cause = _failure_cause(solver, start, unsound)
+        cause = failure_cause(solver, start, unsound)
         assert cause.status is Status.INFEASIBLE
         assert cause.reason == "no flight to the target found: radius_m off by -200, allowed 100"
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import qr
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME
+from ares_models.arrays import BURN
 from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation.arrays import GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
@@ -17,8 +17,8 @@ from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
 from ares_optimizer.kernels import timetable
-from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
+from ares_optimizer.results import SAME_LENGTH
 
 Array = NDArray[np.float64]
 #: Distance within which the bound of a variable is active.
@@ -33,7 +33,6 @@ _IDLE = 1e-6
 _ALIGNING = 1e-4
 #: Samples of a coast per state.
 _SAMPLES = 8
-SAME_LENGTH = 1e-3  # s
 
 
 @dataclass(frozen=True)
@@ -235,28 +234,6 @@ def lowest_in(found: Found, arc: int) -> float:
         grid = track(np.linspace(times[0], times[-1], _SAMPLES * len(times)))
     environment = program.arrays.environment[0]
     return float(min(altitude(tuple(r), environment) for r in grid))
-
-
-def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
-    """Return the time of every jettison, s; nan: done before, or not in this flight."""
-    arrays, start = program.arrays, program.start[0]
-    ignitions = first_ignitions(start, program.segments, arrays.arcs)
-    now = float(start["time"])
-    waiting = iter(times.drops)
-    out = []
-    for j, jettison in enumerate(arrays.jettisons):
-        if (int(start["jettisoned"]) >> j) & 1:
-            out.append(math.nan)
-            continue
-        lit = max(now, ignitions[int(jettison["stage"])])
-        if jettison["criterion"] == HEATING_LIMIT:
-            at = max(lit, float(next(waiting)))
-        elif jettison["criterion"] == MISSION_TIME:
-            at = max(lit, float(jettison["value"]))
-        else:
-            at = max(now, ignitions[int(jettison["stage"])] + float(jettison["value"]))
-        out.append(at if at <= times.cutoff else math.nan)
-    return tuple(out)
 
 
 def free_propellant(found: Found) -> float:

@@ -12,12 +12,10 @@ from ares_models.floors import Floor
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
 from ares_optimizer.collocation.points import (
-    SAME_LENGTH,
     Array,
     Found,
     hamiltonian_spread,
     is_idle,
-    jettison_times,
     lowest_in,
     mass_of,
     times_of,
@@ -29,6 +27,7 @@ from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table
 from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
 from ares_optimizer.request import Heating
+from ares_optimizer.results import SAME_LENGTH, jettison_times
 from ares_optimizer.solution import ConstraintCheck
 
 #: Factors on the number of intervals of the refined programs.
@@ -139,7 +138,9 @@ def _verified(search: Search, found: Found, adjoint: Adjoint) -> Proven:
         planned,
         search.start[0],
         steering,
-        jettison_times(program, times),
+        jettison_times(
+            program.arrays, program.start[0], program.segments, times.drops, times.cutoff
+        ),
         times.cutoff,
         [float(t) for t in adjoint.time[np.flatnonzero(np.diff(adjoint.phase)) + 1]],
     )

@@ -15,13 +15,11 @@ from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, costates_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
-    SAME_LENGTH,
     Array,
     Found,
     free_propellant,
     hamiltonian_spread,
     is_saddle,
-    jettison_times,
     lowest_in,
     times_of,
 )
@@ -34,6 +32,13 @@ from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
 from ares_optimizer.proof.checks import verification
 from ares_optimizer.proof.held import held_checks, held_offsets
+from ares_optimizer.results import (
+    SAME_LENGTH,
+    jettison_times,
+    length_checks,
+    steering_arc,
+    with_multipliers,
+)
 from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     NOTHING_SAVED,
@@ -77,7 +82,7 @@ def _steering_arcs(
         direction = primer[0] / size
         rate = (primer[-1] - primer[0]) / (size * max(float(lengths[p]), SHORTEST))
         gained = 0.0
-        primer_rate = np.full(3, math.nan)
+        primer_rate = None
         if phase["steering"] == GUIDED:
             primer_rate = -adjoint.by_position[rows[0]] / size
         if phase["steering"] != COASTING:
@@ -85,16 +90,13 @@ def _steering_arcs(
             exhaust = float(program.arrays.arcs[k]["exhaust_velocity"])
             gained = exhaust * math.log(first_mass / last_mass)
         arcs.append(
-            SteeringArc(
-                float(begins[p]),
-                float(begins[p + 1]),
-                float(begins[p]),
-                (float(direction[0]), float(direction[1]), float(direction[2])),
-                (float(rate[0]), float(rate[1]), float(rate[2])),
-                first_mass,
-                last_mass,
+            steering_arc(
+                (begins[p], begins[p + 1]),
+                direction,
+                rate,
+                (first_mass, last_mass),
                 gained,
-                (float(primer_rate[0]), float(primer_rate[1]), float(primer_rate[2])),
+                primer_rate,
             )
         )
     return tuple(arcs)
@@ -114,13 +116,21 @@ def solution_of(
         *_with_sensitivities(search, proven, proven.checks),
         *floor_checks,
         *_orbit_checks(proven),
-        *_length_checks(program, point, times),
+        *length_checks(
+            program.arrays,
+            program.start[0],
+            times.lengths,
+            _length_worths(program, point, times),
+            np.zeros(len(times.lengths), bool),
+        ),
     )
     nodes = _nodes(program, point)
     solution = Solution(
         METHOD,
         *verdict_of(search, proven, checks, spread),
-        jettison_times(program, times),
+        jettison_times(
+            program.arrays, program.start[0], program.segments, times.drops, times.cutoff
+        ),
         times.cutoff,
         float(proven.found.point.x[program.ends[-1]]) * program.mass,
         search.iterations,
@@ -370,40 +380,20 @@ def _with_sensitivities(
         sensitivities[Check.HEATING_AT_JETTISON, j] = (
             -float(point.multipliers[row]) * program.mass / float(arrays.jettisons[j]["value"])
         )
-    return tuple(
-        replace(check, multiplier=sensitivities.get((check.key, check.jettison), check.multiplier))
-        for check in checks
-    )
+    return with_multipliers(checks, sensitivities)
 
 
-def _length_checks(
-    program: Transcription, point: Point, times: Times
-) -> tuple[ConstraintCheck, ...]:
-    """Return checks on the lengths of the free arcs, with kg of final mass per second."""
+def _length_worths(program: Transcription, point: Point, times: Times) -> Array:
+    """Return kg of final mass per second of the bound of each free arc; nan: not known."""
     arrays, start = program.arrays, program.start[0]
-    low, high = length_bounds(arrays, start)
-    checks = []
+    _, high = length_bounds(arrays, start)
+    worths = []
     for f, k in enumerate(free_arcs(arrays, start)):
-        length = float(times.lengths[f])
-        short = length < low[f] + SAME_LENGTH
-        long = length > high[f] - SAME_LENGTH
-        bound = float(low[f]) if short or math.isinf(high[f]) else float(high[f])
         members = program.arc_phases.get(k, [])
+        depleted = arrays.arcs[k]["kind"] == BURN and times.lengths[f] > high[f] - SAME_LENGTH
         worth = math.nan
-        if len(members) == 1:
+        if len(members) == 1 and not depleted:
             at = program.lengths[members[0]]
             worth = float(point.at_upper[at] - point.at_lower[at]) * program.mass / program.time
-        burn = arrays.arcs[k]["kind"] == BURN
-        checks.append(
-            ConstraintCheck(
-                Check.ARC_LENGTH,
-                f"length of arc {k}",
-                length,
-                bound,
-                bool(short or long),
-                "s",
-                bool(low[f] - SAME_LENGTH <= length <= high[f] + SAME_LENGTH),
-                (math.nan if burn and long else worth) if short or long else 0.0,
-            )
-        )
-    return tuple(checks)
+        worths.append(worth)
+    return np.array(worths)

@@ -15,7 +15,6 @@ from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import Trial
 from ares_optimizer.collocation.points import (
-    SAME_LENGTH,
     Array,
     Found,
     align_directions,
@@ -30,6 +29,7 @@ from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, solve_program
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
+from ares_optimizer.results import SAME_LENGTH
 from ares_optimizer.solution import OUT_OF_TIME, Cause, Status
 
 #: Relative difference of mass within which two solutions are the same local optimum. On coarse

@@ -50,6 +50,7 @@ from ares_optimizer.direct.kernels.sqp import CONVERGED, NO_PROGRESS, NOT_FEASIB
 from ares_optimizer.direct.kernels.start import place_drops, set_law, sweep
 from ares_optimizer.direct.transcription import Transcription, transcribe
 from ares_optimizer.request import Heating
+from ares_optimizer.results import steering_arc
 from ares_optimizer.solution import OptimizerError, SteeringArc
 
 Array = NDArray[np.float64]
@@ -662,14 +663,11 @@ def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
         else:
             gain = 0.0
         arcs.append(
-            SteeringArc(
-                begin,
-                end,
-                begin,
-                _triple(vector / size),
-                _triple(law.rate / size),
-                mass - gone,
-                last_mass - gone,
+            steering_arc(
+                (begin, end),
+                vector / size,
+                law.rate / size,
+                (mass - gone, last_mass - gone),
                 gain,
             )
         )
@@ -684,10 +682,6 @@ def _ramp_gain(problem: Problem, cutoff: float, begin: float, end: float, gone: 
         thrust, mass = _profile_at(problem, cutoff, begin + half * (1.0 + x), True)
         gain += float(half * w * thrust / (mass - gone))
     return gain
-
-
-def _triple(x: Array) -> tuple[float, float, float]:
-    return (float(x[0]), float(x[1]), float(x[2]))
 
 
 def jettison_times(found: Found, count: int) -> tuple[float, ...]:
