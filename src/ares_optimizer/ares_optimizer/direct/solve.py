@@ -21,15 +21,8 @@ from ares_optimizer.direct.multipliers import (
     limit_sensitivities,
     recover_costates,
 )
-from ares_optimizer.direct.search import (
-    Found,
-    Guess,
-    continue_to,
-    find_direct,
-    jettison_times,
-    solver_nodes,
-    steering_arcs,
-)
+from ares_optimizer.direct.report import jettison_times, solver_nodes, steering_arcs
+from ares_optimizer.direct.search import Found, Guess, continue_to, find_direct
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
