@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decorators of all compiled kernels of the project."""
+"""Decorators of all compiled kernels of the project.
+
+With ``ARES_PLAIN_NUMBA=1`` kernels are compiled by numba's public ``njit(cache=True)`` alone, which
+takes several times as long and gives the same numbers: it flies on where a new numba has changed
+the parts that :mod:`.linked` builds on.
+"""
 
 import importlib.util
 import os
@@ -12,19 +17,18 @@ from typing import Any, TypeVar, cast
 
 from ares_models.kernel_cache import PREFIX, VARIABLE, choose_folder, read_package, state_of
 
+#: Leave numba's private parts out.
+PLAIN = os.environ.get("ARES_PLAIN_NUMBA") == "1"
+_folder = Path(os.environ.get(VARIABLE) or choose_folder())
+if PLAIN and _folder.name != "plain":
+    _folder /= "plain"
 # numba reads the variable at its import
-if not os.environ.get(VARIABLE):
-    os.environ[VARIABLE] = str(choose_folder())
+os.environ[VARIABLE] = str(_folder)
 
 import numba
 
-from ares_models.linked import Kernel
-
-# numba spells out every field of every record of a named tuple in the symbol of each kernel
-# that takes one, which doubles the machine code on disk
-numba.types.NamedTuple.mangling_args = property(  # type: ignore[assignment, method-assign]
-    lambda self: (self.instance_class.__name__, tuple(self.types))
-)
+if not PLAIN:
+    from ares_models.linked import Kernel, counting
 
 IEEE = {"error_model": "numpy"}
 _lock = threading.RLock()
@@ -52,8 +56,10 @@ def _compiled(function: _Function, counts_references: bool) -> _Function:
     if function.__module__ in _copies:
         # numba derives the name of the cache file from source file and function name
         function.__qualname__ = f"{function.__module__}.{function.__qualname__}"
-    options: dict[str, Any] = {**IEEE, "nogil": True, "_nrt": counts_references}
-    return cast(_Function, Kernel(function, options))
+    options: dict[str, Any] = {**IEEE, "nogil": True}
+    if PLAIN:
+        return cast(_Function, numba.njit(cache=True, **options)(function))
+    return cast(_Function, Kernel(function, options | counting(counts_references)))
 
 
 def inlined(function: _Function) -> _Function:
@@ -62,8 +68,8 @@ def inlined(function: _Function) -> _Function:
     Needed for a function that builds a tuple of records: numba can pass such a tuple to a
     function, but not return it from one.
     """
-    options: dict[str, Any] = {**IEEE, "inline": "always", "_nrt": False}
-    return cast(_Function, numba.njit(**options)(function))
+    options = IEEE if PLAIN else IEEE | counting(False)
+    return cast(_Function, numba.njit(inline="always", **options)(function))
 
 
 def specialised(module: str, suffix: str, **names: object) -> ModuleType:

@@ -3,7 +3,7 @@
 
 numba makes both for every function, although most kernels are called only by other kernels, which
 copy their code. Here machine code, with the conversion of Python's arguments, is made only for a
-kernel that Python calls.
+kernel that Python calls. This module alone uses parts of numba that are not public.
 """
 
 import threading
@@ -22,6 +22,17 @@ from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 
 _lock = threading.Lock()
+
+# numba spells out every field of every record of a named tuple in the symbol of each kernel
+# that takes one, which doubles the machine code on disk
+types.NamedTuple.mangling_args = property(  # type: ignore[assignment, method-assign]
+    lambda self: (self.instance_class.__name__, tuple(self.types))
+)
+
+
+def counting(references: bool) -> dict[str, Any]:
+    """Return the option of a kernel that counts references to arrays, or does not."""
+    return {"_nrt": references}
 
 
 class _LinkedLibrary(JITCodeLibrary):

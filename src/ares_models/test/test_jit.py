@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 KERNELS = """
 import threading
 
@@ -185,3 +187,42 @@ def test_a_kernel_loaded_from_the_cache_may_call_one_that_makes_arrays(tmp_path)
     for _ in range(2):
         done = run_kernels(ALLOCATES, tmp_path)
         assert (done.stdout, done.stderr) == ("6.0\n", "")
+
+
+BY_PLAIN_NUMBA = """
+import sys
+
+from ares_models.jit import PLAIN
+from ares_models.kernels.coast import coast
+from ares_models.kernels.environment import heating_rate
+from ares_models.mission import load_mission
+
+arrays = load_mission("ares_v").arrays()
+environment = arrays.environment[0]
+r, v = (6.6e6, 1.0e5, 2.0e6), (-500.0, 7.4e3, 800.0)
+print(coast(r, v, 2.5e3, environment), heating_rate(r, v, environment, arrays.atmosphere))
+print(PLAIN, "ares_models.linked" in sys.modules, file=sys.stderr)
+"""
+
+
+def test_numba_without_its_private_parts_gives_the_same_numbers(tmp_path):
+    linked = run_kernels(BY_PLAIN_NUMBA, tmp_path)
+    plain = run_kernels(BY_PLAIN_NUMBA, tmp_path, ARES_PLAIN_NUMBA="1")
+    assert (linked.stderr, plain.stderr) == ("False True\n", "True False\n")
+    assert plain.stdout == linked.stdout != ""
+
+
+FLIGHT = """
+from ares_models.mission import load_mission
+from ares_studies.closed_loop import fly_compiled
+
+plant = fly_compiled(load_mission("ares_v")).plant
+print(plant["mass"], plant["position"], plant["velocity"])
+"""
+
+
+@pytest.mark.trial
+def test_a_flight_without_numbas_private_parts_is_the_same(tmp_path):
+    linked = run_kernels(FLIGHT, tmp_path)
+    plain = run_kernels(FLIGHT, tmp_path, ARES_PLAIN_NUMBA="1")
+    assert plain.stdout == linked.stdout != "", plain.stderr
