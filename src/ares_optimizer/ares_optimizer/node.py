@@ -31,7 +31,13 @@ LAST_SEARCH = 1.0
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
-    Parameter("method", "auto", "Method of a request that names none.", choices=method_names()),
+    Parameter(
+        "method",
+        "auto",
+        "Method of a request that names none.",
+        choices=method_names(),
+        registered=True,
+    ),
     Parameter(
         "time_limit_s",
         5.0,
