@@ -9,7 +9,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -45,21 +45,18 @@ def table_of(node: str) -> tuple[Parameter, ...]:
 
 
 def as_json() -> str:
-    """Write the tables of all nodes as JSON: of each row what differs from the defaults."""
+    """Write the tables of all nodes as JSON, a row a line: what differs from the defaults."""
     defaults = {item.name: item.default for item in fields(Parameter)}
-    found = {
-        node: [
-            {
-                name: value
-                for name, default in defaults.items()
-                if (value := getattr(row, name)) != default or default is MISSING
-                if not (name == "choices" and row.registered)
-            }
-            for row in table_of(node)
-        ]
-        for node in NODES
-    }
-    return json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def row(item: Parameter) -> str:
+        values = {name: getattr(item, name) for name in defaults}
+        if item.registered:
+            del values["choices"]
+        said = {name: value for name, value in values.items() if value != defaults[name]}
+        return json.dumps(said, ensure_ascii=False, allow_nan=False)
+
+    rows = {node: ",\n".join(map(row, table_of(node))) for node in NODES}
+    return "{" + ",\n".join(f'"{node}": [\n{text}\n]' for node, text in rows.items()) + "}\n"
 
 
 def parameter_file() -> str:
