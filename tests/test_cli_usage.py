@@ -7,17 +7,22 @@ import os
 import re
 import subprocess
 import sys
+from inspect import signature
 from pathlib import Path
 
 import pytest
 import yaml
 
-from ares_bringup import __version__
+from ares_bringup import __version__, parameter_tables
 from ares_bringup.commands.cli import main
+from ares_bringup.parameter_tables import known, offered, tables
+from ares_bringup.verbs.app import with_settings
 from ares_guidance.laws import self_starting_laws
 from ares_guidance.registry import law_names
 from ares_trials.testing.flights import short_burn
+from ares_node.parameters import Parameter
 from ares_trials.testing.ros import own_words
+from ares_vehicle_sim import node as simulator
 
 
 def run(capfd, *argv):
@@ -98,6 +103,27 @@ def usage_writer():
 def test_what_is_made_of_the_tables_of_the_nodes_and_of_the_verbs_is_current():
     for path, text in usage_writer().made():
         assert path.read_text(encoding="utf-8") == text, f"{path}: make usage writes it anew"
+
+
+def test_a_parameter_of_the_simulator_is_one_row_of_its_table(monkeypatch, tmp_path):
+    row = Parameter("slack_s", 2.5, "Slack of the clock.", unit="s", minimum=0.0, option="slack")
+    monkeypatch.setattr(simulator, "PARAMETERS", (*simulator.PARAMETERS, row))
+    writer, table = usage_writer(), tmp_path / "parameters.json"
+    table.write_text(writer.as_json())
+    monkeypatch.setattr(parameter_tables, "TABLES", table)
+    tables.cache_clear()
+    try:
+        assert offered()["slack"] == row
+        assert known("vehicle_sim", {"slack_s": 1.0}) == {"slack_s": 1.0}
+        took = {}
+        verb = with_settings()(lambda **settings: took.update(settings))
+        assert signature(verb).parameters["slack"].default is None
+        verb(**dict.fromkeys(signature(verb).parameters) | {"slack": 1.0})
+        assert took == {"slack_s": 1.0}
+    finally:
+        tables.cache_clear()
+    assert "    slack_s: 2.5" in writer.parameter_file()
+    assert "| `slack_s` | 2.5 |" in writer.parameter_table("vehicle_sim")
 
 
 def test_laws_are_offered_where_they_can_start(capfd):
