@@ -19,8 +19,8 @@ from ares_bringup.parameter_tables import known, offered, tables
 from ares_bringup.verbs.app import with_settings
 from ares_guidance.laws import self_starting_laws
 from ares_guidance.registry import law_names
-from ares_trials.testing.flights import short_burn
 from ares_node.parameters import Parameter
+from ares_trials.testing.flights import short_burn
 from ares_trials.testing.ros import own_words
 from ares_vehicle_sim import node as simulator
 
