@@ -16,7 +16,7 @@ from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import OPTIMIZE_TRAJECTORY, SOLVE_TRAJECTORY
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.messages import LONGEST, Answers, Response, empty, feedback, refuse
+from ares_optimizer.messages import LONGEST, RequestServer, Response, empty, feedback, refuse
 from ares_optimizer.registry import method_names
 from ares_optimizer.worker import Job, Worker
 
@@ -74,7 +74,7 @@ class OptimizerNode(FlightNode):
         """Solve the default mission once, to compile the solver; create the action."""
         values = self.values
         self.abandon()
-        self._answers = Answers(values["mission"], values["method"], values["time_limit_s"])
+        self._answers = RequestServer(values["mission"], values["method"], values["time_limit_s"])
         self._worker = Worker(self._solve)
         self._goals: dict[bytes, Job] = {}
         self._action = ActionServer(
