@@ -42,7 +42,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Chart:
+class LiveChart:
     """Hold a chart: its title, its axis, its lines."""
 
     title: str
@@ -66,8 +66,8 @@ GAUGES = (
 )
 
 CHARTS = (
-    Chart("Altitude", Axis("altitude", "km"), (Line("altitude", "altitude_km", "here"),)),
-    Chart(
+    LiveChart("Altitude", Axis("altitude", "km"), (Line("altitude", "altitude_km", "here"),)),
+    LiveChart(
         "Speed",
         Axis("speed", "m/s"),
         (
@@ -75,7 +75,7 @@ CHARTS = (
             Line("against the air", "relative_speed_m_s", "other"),
         ),
     ),
-    Chart(
+    LiveChart(
         "Angles",
         Axis("angle", "deg"),
         (
@@ -83,17 +83,17 @@ CHARTS = (
             Line("flight-path angle", "flight_path_angle_deg", "other"),
         ),
     ),
-    Chart(
+    LiveChart(
         "Acceleration",
         Axis("acceleration", "m/s²"),
         (Line("acceleration", "acceleration_m_s2", "here"),),
     ),
-    Chart(
+    LiveChart(
         "Heating",
         Axis("heating rate", "W/m²", log=True),
         (Line("heating rate", "heating_w_m2", "here"),),
     ),
-    Chart(
+    LiveChart(
         "Predicted cut-off",
         Axis("predicted cut-off", "s"),
         (Line("predicted cut-off", "cutoff_s", "here", "step"),),
