@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ares_models.judge import FIGURES, End, Figure
+from ares_models.judge import FIGURES, End, JudgedQuantity
 from ares_studies.montecarlo.flights import Flown
 from ares_vehicle_sim.arrays import DEPLETION, IMPACT, TIME_LIMIT
 
@@ -47,7 +47,7 @@ _DECIMALS = {
 }
 
 
-def error_column(figure: Figure) -> str:
+def error_column(figure: JudgedQuantity) -> str:
     """Return the name of the column with the error of a figure."""
     return f"{figure.name}_error{figure.suffix}"
 
