@@ -25,7 +25,7 @@ from ares_optimizer.collocation.solver import Point, solve_program
 from ares_optimizer.collocation.transcription import Transcription
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table
-from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
+from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
 from ares_optimizer.solution import ConstraintCheck
@@ -63,7 +63,7 @@ class Proven:
     found: Found
     adjoint: Adjoint
     steering: Steering
-    flight: Flight | None
+    flight: ProofFlight | None
     checks: tuple[ConstraintCheck, ...]
     exact: bool
 

@@ -40,7 +40,7 @@ from ares_optimizer.direct.kernels.sqp import (
 )
 from ares_optimizer.direct.search import Found, path_peaks
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.proof.flight import Direction, Flight, Piece, Steering
+from ares_optimizer.proof.flight import Direction, Piece, ProofFlight, Steering
 from ares_optimizer.solution import Check, Costates
 from ares_optimizer.targets import target_rows
 
@@ -148,7 +148,7 @@ def _integrate_back(
 
 
 def recover_costates(
-    arrays: MissionArrays, found: Found, flight: Flight, steering: Steering
+    arrays: MissionArrays, found: Found, flight: ProofFlight, steering: Steering
 ) -> Costates:
     """Compute the costates of a direct solution along its verified flight.
 
@@ -218,7 +218,7 @@ def recover_costates(
     )
 
 
-def limit_sensitivities(found: Found, flight: Flight) -> dict[CheckKey, float]:
+def limit_sensitivities(found: Found, flight: ProofFlight) -> dict[CheckKey, float]:
     """Return the sensitivity to each limit: kg of final mass per unit of the limit.
 
     Elements of the target: per m, m/s, deg or 1. Heating limits: per W/m2.
