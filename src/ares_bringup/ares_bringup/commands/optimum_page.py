@@ -32,7 +32,7 @@ from ares_models.mission import Mission
 from ares_models.software import software
 from ares_optimizer.solution import Solution
 from ares_studies.flight_page.budget import Budget
-from ares_studies.flight_page.data import Flight, make_flight
+from ares_studies.flight_page.data import DrawnFlight, make_flight
 from ares_studies.flight_page.optimum import LAW, record_optimum
 from ares_studies.flight_page.page import Account, Happening, make_report, render
 from ares_studies.pages.parts import BLANK, Cell, Column, Guide, Row, Table, number, power, word
@@ -93,7 +93,7 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
+def _account(mission: Mission, solution: Solution, flight: DrawnFlight) -> Account:
     events = _events(mission, solution, flight)
     numbers = (
         ("final mass", solution.m_f_kg, 2, "kg"),
@@ -173,7 +173,7 @@ def steering_table(mission: Mission, solution: Solution) -> Table:
     return Table(tuple(Column(title) for title in titles), tuple(rows))
 
 
-def _events(mission: Mission, solution: Solution, flight: Flight) -> tuple[Happening, ...]:
+def _events(mission: Mission, solution: Solution, flight: DrawnFlight) -> tuple[Happening, ...]:
     """List begin of each arc, jettisons and end, with the mass after each."""
     found = [(arc.start_s, f"begins: {mission.arc_names[arc.arc]}") for arc in solution.flown]
     found += [

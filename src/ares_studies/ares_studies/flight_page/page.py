@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ares_studies.flight_page.charts import ROLES, make_chapters
-from ares_studies.flight_page.data import Flight
+from ares_studies.flight_page.data import DrawnFlight
 from ares_studies.flight_page.globe import Globe, make_globe
 from ares_studies.pages.parts import Chapter, Guide, Role, Table
 from ares_studies.pages.templates import make_environment, one_line, render_report
@@ -101,7 +101,7 @@ class FlightReport:
 
 
 def make_report(
-    flights: Sequence[Flight],
+    flights: Sequence[DrawnFlight],
     accounts: Sequence[Account],
     comparison: Table | None,
     kicker: str = "",
