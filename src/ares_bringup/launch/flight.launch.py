@@ -96,7 +96,7 @@ def _choices(row: Parameter) -> list[str] | None:
     return ["true", "false"] if isinstance(row.default, bool) else list(row.choices) or None
 
 
-class Flight:
+class LaunchedFlight:
     """Build the launch actions of a flight and react to the ends of its processes."""
 
     def __init__(self, context: LaunchContext) -> None:
@@ -267,7 +267,7 @@ class Flight:
 
 def fly(context: LaunchContext) -> list[Any]:
     """Return the actions of the flight, or none after an error."""
-    flight = Flight(context)
+    flight = LaunchedFlight(context)
     if is_launched_itself(Path(__file__), sys.argv):
         end_launch_with(flight.verdict, context.asyncio_loop)
     try:
