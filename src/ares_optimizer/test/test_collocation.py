@@ -18,7 +18,7 @@ from ares_optimizer import auto
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import Trial
-from ares_optimizer.collocation.points import Found, times_of
+from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
@@ -387,7 +387,7 @@ def test_a_burn_that_would_go_through_the_ground_is_no_optimum_till_its_floor_is
 def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
     point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
-    found = Found(program, point, 11_722.0)
+    found = FoundOptimum(program, point, 11_722.0)
     optimum = LocalOptimum(found, np.array([300.0, 900.0]))
     assert optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
     assert not optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 3_000.0]))
@@ -404,7 +404,7 @@ def test_an_event_that_has_run_into_another_is_moved_beyond_it() -> None:
     x[program.lengths[phases[-1]]] = 0.0
     point = Point(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
     ended = times_of(program, x).cutoff
-    moved = list(moved_events(Found(program, point, 8_502.0)))
+    moved = list(moved_events(FoundOptimum(program, point, 8_502.0)))
     assert [times.cutoff - ended for times in moved] == pytest.approx([-1.0, -0.1])
     again = Transcription(arrays, start_of(mission), moved[0])
     assert len(again.arc_phases[3]) == 2

@@ -36,7 +36,7 @@ _SAMPLES = 8
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundOptimum:
     """Hold a local optimum.
 
     Attributes:
@@ -133,7 +133,7 @@ def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
     return out
 
 
-def is_idle(found: Found) -> bool:
+def is_idle(found: FoundOptimum) -> bool:
     """Return true if no direction of the thrust can save propellant."""
     rows = 6 * len(found.program.points)
     return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
@@ -153,7 +153,7 @@ def align_directions(program: Transcription, x: Array) -> None:
             )
 
 
-def turning_of(found: Found) -> Turning | None:
+def turning_of(found: FoundOptimum) -> Turning | None:
     """Return the turn of the thrust over time; None without thrust."""
     program, x = found.program, found.point.x
     guided = np.flatnonzero(program.points["control"] >= 0)
@@ -169,7 +169,7 @@ def turning_of(found: Found) -> Turning | None:
     return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
 
 
-def is_saddle(found: Found) -> bool:
+def is_saddle(found: FoundOptimum) -> bool:
     """Return true if the second-order conditions fail: mass can be gained at fixed rows.
 
     The test is the sign of the least eigenvalue of the Hessian of the Lagrangian in the null space
@@ -196,7 +196,7 @@ def is_saddle(found: Found) -> bool:
     return bool(curvatures[0] < -_STRAIGHT * max(1.0, abs(float(curvatures[-1]))))
 
 
-def hamiltonian_spread(found: Found, adjoint: Adjoint) -> float:
+def hamiltonian_spread(found: FoundOptimum, adjoint: Adjoint) -> float:
     """Return the relative spread of the Hamiltonian in phases that touch no floor.
 
     Where a coast touches its floor between two states, the multipliers are at these states, and the
@@ -213,7 +213,7 @@ def hamiltonian_spread(found: Found, adjoint: Adjoint) -> float:
     return max((s for p, s in spreads.items() if p not in touched), default=0.0)
 
 
-def lowest_in(found: Found, arc: int) -> float:
+def lowest_in(found: FoundOptimum, arc: int) -> float:
     """Return the least altitude in an arc, m, also between its states."""
     program, x = found.program, found.point.x
     phases = program.arc_phases.get(arc, [])
@@ -236,7 +236,7 @@ def lowest_in(found: Found, arc: int) -> float:
     return float(min(altitude(tuple(r), environment) for r in grid))
 
 
-def free_propellant(found: Found) -> float:
+def free_propellant(found: FoundOptimum) -> float:
     """Return the propellant of the free burns of the saving stage, kg; inf: it has none."""
     program = found.program
     arcs = program.arrays.arcs

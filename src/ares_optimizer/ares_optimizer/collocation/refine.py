@@ -13,7 +13,7 @@ from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
 from ares_optimizer.collocation.points import (
     Array,
-    Found,
+    FoundOptimum,
     hamiltonian_spread,
     is_idle,
     lowest_in,
@@ -60,7 +60,7 @@ class Proven:
         exact: true if the flight ends at the end state of the program.
     """
 
-    found: Found
+    found: FoundOptimum
     adjoint: Adjoint
     steering: Steering
     flight: ProofFlight | None
@@ -68,7 +68,7 @@ class Proven:
     exact: bool
 
 
-def refine_solution(search: Search, best: Found) -> tuple[Proven, tuple[Floor, ...]]:
+def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[Floor, ...]]:
     """Refine the best solution until its flight is proven; return it with the floors it keeps."""
     request = search.request
     search.idle = is_idle(best)
@@ -97,7 +97,9 @@ def refine_solution(search: Search, best: Found) -> tuple[Proven, tuple[Floor, .
     return proven, tuple(floors.values())
 
 
-def _with_levels(search: Search, found: Found, levels: dict[int, float]) -> Found | None:
+def _with_levels(
+    search: Search, found: FoundOptimum, levels: dict[int, float]
+) -> FoundOptimum | None:
     """Solve again with other floors; return None on failure."""
     program = found.program
     for arc, level in levels.items():
@@ -106,10 +108,10 @@ def _with_levels(search: Search, found: Found, levels: dict[int, float]) -> Foun
     search.iterations += point.iterations
     if not point.solved:
         return None
-    return Found(program, point, mass_of(program, point))
+    return FoundOptimum(program, point, mass_of(program, point))
 
 
-def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
+def _moved(found: FoundOptimum, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
     """Adjust the levels of the floors at the states, so that the flight between them stays above.
 
     Returns:
@@ -126,7 +128,7 @@ def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> 
     return moved
 
 
-def _verified(search: Search, found: Found, adjoint: Adjoint) -> Proven:
+def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     """Fly a point of a program by another integrator, if the request asks to verify."""
     program, point, request = found.program, found.point, search.request
     steering = steering_of(program, point, adjoint)

@@ -16,7 +16,7 @@ from ares_optimizer.collocation.costates import Adjoint, costates_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
-    Found,
+    FoundOptimum,
     free_propellant,
     hamiltonian_spread,
     is_saddle,
@@ -283,7 +283,7 @@ def _floor_name(arc: int) -> str:
     return f"lowest altitude in arc {arc}"
 
 
-def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
+def _floor_check(found: FoundOptimum, floor: Floor) -> ConstraintCheck:
     """Return the check of a floor, with kg of final mass per m."""
     rows = found.program.floor_rows[floor.arc]
     if not math.isfinite(floor.altitude_m):
@@ -302,7 +302,7 @@ def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
     )
 
 
-def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
+def _perigee_check(found: FoundOptimum, floor: Floor) -> ConstraintCheck:
     """Return the check of the perigee of a coast's orbit, with kg of final mass per m."""
     program, x = found.program, found.point.x
     node = int(program.first[program.arc_phases[floor.arc][0]])
