@@ -87,7 +87,7 @@ class JettisonTarget(StrEnum):
     OPTIMIZER = "optimizer"
 
 
-class Heating(StrEnum):
+class HeatingPhase(StrEnum):
     """Name the phases in which the optimizer holds a heating limit, as `ares_optimizer.solve`."""
 
     AT_JETTISON = "at_jettison"

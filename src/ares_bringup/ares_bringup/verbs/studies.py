@@ -11,7 +11,7 @@ from ares_bringup.options import (
     MAX_SEED,
     PEG,
     AnalyticProfile,
-    Heating,
+    HeatingPhase,
     JettisonTarget,
     Maximize,
     PositionIntegral,
@@ -41,7 +41,7 @@ def optimize(
     mission: MissionOption = "ares_v",
     method: Annotated[str, typer.Option(help=METHODS_HELP)] = AUTO,
     heating: Annotated[
-        Heating | None,
+        HeatingPhase | None,
         typer.Option(
             help="When the heating limit holds: at the fairing's jettison, from it on, or never; "
             "default: as in the mission."
