@@ -80,7 +80,7 @@ class PositionIntegral(StrEnum):
     QUADRATIC = "quadratic"
 
 
-class JettisonTarget(StrEnum):
+class JettisonTargetSource(StrEnum):
     """Name the sources of the jettison target of method `analytic`, as there."""
 
     MISSION = "mission"

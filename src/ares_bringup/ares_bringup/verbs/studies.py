@@ -12,7 +12,7 @@ from ares_bringup.options import (
     PEG,
     AnalyticProfile,
     HeatingPhase,
-    JettisonTarget,
+    JettisonTargetSource,
     Maximize,
     PositionIntegral,
 )
@@ -64,7 +64,7 @@ def optimize(
         typer.Option(metavar="N1 N2", help="Of analytic: steps of the trapezoid."),
     ] = None,
     jettison_target: Annotated[
-        JettisonTarget | None,
+        JettisonTargetSource | None,
         typer.Option(help="Of analytic: source of the target of part one; default: mission."),
     ] = None,
     maximize: Annotated[
