@@ -23,7 +23,7 @@ from ares_optimizer.direct.kernels.problem import (
     P_TIME,
     Problem,
 )
-from ares_optimizer.direct.search import Array, Law, SearchResult, steering_laws
+from ares_optimizer.direct.search import Array, SearchResult, SteeringLaw, steering_laws
 from ares_optimizer.results import steering_arc
 from ares_optimizer.solution import SteeringArc
 
@@ -31,12 +31,12 @@ _SIDE = 1e-9  # either side of an event, s
 _GAUSS = np.polynomial.legendre.leggauss(10)
 
 
-def _law_in_force(found: SearchResult, laws: list[Law], t: float) -> Law:
+def _law_in_force(found: SearchResult, laws: list[SteeringLaw], t: float) -> SteeringLaw:
     """Return the law just after ``t``: of a held burn, or the last that has begun."""
     problem = found.transcription.problem
     for column, (begin, end) in zip(problem.held, problem.held_time, strict=True):
         if begin <= t + _SIDE < end:
-            return Law(t, found.variables[column : column + 3], np.zeros(3))
+            return SteeringLaw(t, found.variables[column : column + 3], np.zeros(3))
     return [law for law in laws if law.time <= t + _SIDE][-1]
 
 

@@ -202,7 +202,7 @@ def law_times(problem: Problem, variables: Array) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Law:
+class SteeringLaw:
     """Hold a steering law: direction + rate (t - time), not normalised."""
 
     time: float
@@ -214,10 +214,10 @@ class Law:
         return self.direction + self.rate * (t - self.time)
 
 
-def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
+def steering_laws(transcription: Transcription, variables: Array) -> list[SteeringLaw]:
     """Return the laws of a solution in order of time, without those of held burns."""
     problem = transcription.problem
-    laws: list[Law] = []
+    laws: list[SteeringLaw] = []
     times = law_times(problem, variables)
     jumps = None
     for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
@@ -231,7 +231,7 @@ def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
             if jumps is None:
                 jumps = _jump_laws(problem, variables)
             direction, rate = jumps[int(row[L_DROP])]
-        laws.append(Law(times[k], direction, rate))
+        laws.append(SteeringLaw(times[k], direction, rate))
     return laws
 
 
