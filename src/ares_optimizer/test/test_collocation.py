@@ -22,7 +22,7 @@ from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
-from ares_optimizer.collocation.solver import Point
+from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
@@ -386,7 +386,9 @@ def test_a_burn_that_would_go_through_the_ground_is_no_optimum_till_its_floor_is
 
 def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
-    point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
+    point = StoppingPoint(
+        guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False
+    )
     found = FoundOptimum(program, point, 11_722.0)
     optimum = LocalOptimum(found, np.array([300.0, 900.0]))
     assert optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
@@ -402,7 +404,7 @@ def test_an_event_that_has_run_into_another_is_moved_beyond_it() -> None:
     phases = program.arc_phases[3]
     assert len(phases) == 3  # full thrust, throttled, at the least throttle
     x[program.lengths[phases[-1]]] = 0.0
-    point = Point(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
+    point = StoppingPoint(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
     ended = times_of(program, x).cutoff
     moved = list(moved_events(FoundOptimum(program, point, 8_502.0)))
     assert [times.cutoff - ended for times in moved] == pytest.approx([-1.0, -0.1])

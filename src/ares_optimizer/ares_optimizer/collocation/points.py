@@ -14,7 +14,7 @@ from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation.arrays import GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
 from ares_optimizer.collocation.guess import node_times
-from ares_optimizer.collocation.solver import Point
+from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
@@ -46,11 +46,11 @@ class FoundOptimum:
     """
 
     program: Transcription
-    point: Point
+    point: StoppingPoint
     m_f_kg: float
 
 
-def worst_row(program: Transcription, point: Point) -> str:
+def worst_row(program: Transcription, point: StoppingPoint) -> str:
     """Return the name of the row with the largest violation."""
     rows = np.zeros(program.row_lower.size)
     program.rows(point.x, rows)
@@ -58,7 +58,7 @@ def worst_row(program: Transcription, point: Point) -> str:
     return program.names[int(np.argmax(off))]
 
 
-def mass_of(program: Transcription, point: Point) -> float:
+def mass_of(program: Transcription, point: StoppingPoint) -> float:
     """Return the mass at the end of the last stage with a free burn, kg."""
     return float(point.x[program.ends[program.saving]] * program.mass)
 

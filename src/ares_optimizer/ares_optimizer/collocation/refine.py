@@ -21,7 +21,7 @@ from ares_optimizer.collocation.points import (
     times_of,
 )
 from ares_optimizer.collocation.search import Search, refined
-from ares_optimizer.collocation.solver import Point, solve_program
+from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.transcription import Transcription
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table
@@ -153,7 +153,7 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     return Proven(found, adjoint, steering, flight, checks, exact)
 
 
-def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steering:
+def steering_of(program: Transcription, point: StoppingPoint, adjoint: Adjoint) -> Steering:
     """Return the steering of a point: along the primer where thrust and primer agree.
 
     There is no primer where propellant has no price, for example where burns of fixed length give

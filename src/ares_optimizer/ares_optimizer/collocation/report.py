@@ -25,7 +25,7 @@ from ares_optimizer.collocation.points import (
 )
 from ares_optimizer.collocation.refine import SAG, SPREAD, Proven
 from ares_optimizer.collocation.search import Search
-from ares_optimizer.collocation.solver import Point
+from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
@@ -65,7 +65,7 @@ _NOTHING_KG = 0.1
 
 
 def _steering_arcs(
-    program: Transcription, point: Point, adjoint: Adjoint
+    program: Transcription, point: StoppingPoint, adjoint: Adjoint
 ) -> tuple[SteeringArc, ...]:
     """Return a linear-tangent law per phase: the chord from first to last direction."""
     arcs = []
@@ -218,7 +218,7 @@ def _sampled(program: Transcription, proven: Proven, nodes: Array) -> Trajectory
     )
 
 
-def _nodes(program: Transcription, point: Point) -> Array:
+def _nodes(program: Transcription, point: StoppingPoint) -> Array:
     """Return the states of the program with time and mass, shape (n, 8).
 
     Masses are exact at the begins of phases and interpolated between them.
@@ -383,7 +383,7 @@ def _with_sensitivities(
     return with_multipliers(checks, sensitivities)
 
 
-def _length_worths(program: Transcription, point: Point, times: Times) -> Array:
+def _length_worths(program: Transcription, point: StoppingPoint, times: Times) -> Array:
     """Return kg of final mass per second of the bound of each free arc; nan: not known."""
     arrays, start = program.arrays, program.start[0]
     _, high = length_bounds(arrays, start)
