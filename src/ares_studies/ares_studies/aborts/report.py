@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import Any
 
 from ares_models.judge import End
-from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
+from ares_studies.aborts.abort_map import ACCURACY, AbortMap, AbortPoint, MapRow
 from ares_studies.aborts.ends import Reached
 from ares_studies.flight_page.globe import Globe, spot, way_beside_others
 from ares_studies.flight_page.land import land_on
@@ -228,7 +228,7 @@ def _strip(made: AbortMap, row: MapRow, field: str, who: str) -> Strip:
 
 
 def _runs(
-    row: MapRow, step_s: float, key: Callable[[Point], Any]
+    row: MapRow, step_s: float, key: Callable[[AbortPoint], Any]
 ) -> Iterator[tuple[Any, list[float]]]:
     """Yield intervals of times whose points have equal keys."""
     for found, points in groupby(row.points, key):
@@ -334,7 +334,7 @@ def _beyond_table(made: AbortMap) -> Item:
     return Item("", "table", "", title, "", Table(columns, tuple(rows), finding))
 
 
-def _most(points: list[Point], field: str) -> Cell:
+def _most(points: list[AbortPoint], field: str) -> Cell:
     """Return the largest loss of mass against the optimum among equal ends."""
     shares = [
         _short(point, getattr(point, field))
@@ -344,7 +344,7 @@ def _most(points: list[Point], field: str) -> Cell:
     return number(max(shares, key=abs), 2) if shares else word("")
 
 
-def _short(point: Point, best: Reached) -> float:
+def _short(point: AbortPoint, best: Reached) -> float:
     """Return the loss of final mass in percent; nan if the ends differ."""
     if point.flown.end is not best.end or best.end is End.SUBORBITAL:
         return math.nan
