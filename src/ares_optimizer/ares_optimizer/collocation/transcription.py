@@ -86,7 +86,7 @@ class Times(NamedTuple):
 
 
 @dataclass
-class Rows:
+class ConstraintRows:
     """Hold the bounds of all rows, and the entries of linear rows."""
 
     lower: list[float] = field(default_factory=list)
@@ -193,7 +193,7 @@ class Transcription:
         self.time = self.radius / self.speed
         self.mass = float(self.segments[0]["mass"])
         self.degree = degree
-        self._rows = Rows()
+        self._rows = ConstraintRows()
         self._lay_out_chain(finer, turning)
         self._lay_out_variables()
         self._lay_out_phases()
