@@ -23,7 +23,7 @@ from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.transcription import FreeTimes, Transcription
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor
@@ -416,7 +416,7 @@ def test_times_that_make_no_flight_are_refused() -> None:
     mission = load_mission("ares_v")
     with pytest.raises(ValueError, match="no flight is possible"):
         Transcription(
-            mission.arrays(), start_of(mission), Times(np.zeros(0), 100.0, np.array([50.0]))
+            mission.arrays(), start_of(mission), FreeTimes(np.zeros(0), 100.0, np.array([50.0]))
         )
 
 

@@ -20,7 +20,7 @@ from ares_models.arrays import (
 from ares_models.floors import Floor
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, Trial, target_energy
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.transcription import FreeTimes, Transcription
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
 
@@ -233,7 +233,7 @@ def _aimed(
 
 def _first_times(
     pilot: Pilot, constants: Array, known: dict[int, float], coasts: dict[int, float]
-) -> Times | None:
+) -> FreeTimes | None:
     """Return initial times: each burn ends on the orbit that its place requires."""
     arrays = pilot.arrays
     arcs = arrays.arcs
@@ -257,7 +257,7 @@ def _first_times(
         else:
             lengths[f] = _burn_until(pilot, lengths, f, constants, apogee)
         lengths[f] = min(max(lengths[f], low), pilot.longest(k))
-    times = Times(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
+    times = FreeTimes(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
     if not last_free:
         return times
     track = pilot.fly(times, constants)
@@ -305,7 +305,7 @@ def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Ar
         length = lengths[pilot.free.index(end)] if end != last else length
     else:
         length = float(arcs[end]["duration"])
-    times = Times(known, float(part.begins(known, length)[-1]), _late(part, known, length))
+    times = FreeTimes(known, float(part.begins(known, length)[-1]), _late(part, known, length))
     track = part.fly(times, constants)
     if len(track):
         track = part.fly(part.with_drops(times, track), constants)

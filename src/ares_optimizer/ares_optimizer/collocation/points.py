@@ -15,7 +15,7 @@ from ares_optimizer.collocation.arrays import GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import Times, Transcription, Turning
+from ares_optimizer.collocation.transcription import FreeTimes, Transcription, Turning
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
 from ares_optimizer.results import SAME_LENGTH
@@ -63,7 +63,7 @@ def mass_of(program: Transcription, point: StoppingPoint) -> float:
     return float(point.x[program.ends[program.saving]] * program.mass)
 
 
-def times_of(program: Transcription, x: Array) -> Times:
+def times_of(program: Transcription, x: Array) -> FreeTimes:
     """Return the free times at a point of a program."""
     begins = float(program.start["time"][0]) + program.time * np.concatenate(
         ([0.0], np.cumsum(x[program.lengths]))
@@ -83,7 +83,7 @@ def times_of(program: Transcription, x: Array) -> Times:
         p = program.drop_ends.get(number)
         at = program.trial.drops[number] if p is None else float(begins[p + 1])
         drops.append(_at_event(at, begins, p))
-    return Times(np.array(lengths), cutoff, np.array(drops))
+    return FreeTimes(np.array(lengths), cutoff, np.array(drops))
 
 
 def _at_event(at: float, begins: Array, p: int | None) -> float:

@@ -26,7 +26,7 @@ from ares_optimizer.collocation.points import (
 from ares_optimizer.collocation.refine import SAG, SPREAD, Proven
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.transcription import FreeTimes, Transcription
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
@@ -161,7 +161,7 @@ def solution_of(
     )
 
 
-def _unknowns(program: Transcription, proven: Proven, times: Times) -> Array:
+def _unknowns(program: Transcription, proven: Proven, times: FreeTimes) -> Array:
     """Return the unknowns of the two-point problem, see ``indirect.solver.Root``."""
     point, adjoint = proven.found.point, proven.adjoint
     arrays, start = program.arrays, program.start[0]
@@ -383,7 +383,7 @@ def _with_sensitivities(
     return with_multipliers(checks, sensitivities)
 
 
-def _length_worths(program: Transcription, point: StoppingPoint, times: Times) -> Array:
+def _length_worths(program: Transcription, point: StoppingPoint, times: FreeTimes) -> Array:
     """Return kg of final mass per second of the bound of each free arc; nan: not known."""
     arrays, start = program.arrays, program.start[0]
     _, high = length_bounds(arrays, start)

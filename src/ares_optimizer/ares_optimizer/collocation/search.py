@@ -26,7 +26,7 @@ from ares_optimizer.collocation.points import (
     worst_row,
 )
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, solve_program
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.transcription import FreeTimes, Transcription
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.results import SAME_LENGTH
@@ -319,7 +319,7 @@ def short_of_propellant(search: Search, cause: Cause) -> Cause:
     )
 
 
-def moved_events(found: FoundOptimum) -> Iterator[Times]:
+def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:
     """Yield times with an event moved past another that it coincides with."""
     program, x = found.program, found.point.x
     lengths = x[program.lengths] * program.time
@@ -333,8 +333,8 @@ def moved_events(found: FoundOptimum) -> Iterator[Times]:
 
 
 def _moved_times(
-    program: Transcription, times: Times, phases: list[int], p: int, move: float
-) -> Times | None:
+    program: Transcription, times: FreeTimes, phases: list[int], p: int, move: float
+) -> FreeTimes | None:
     """Return the times with the event at a vanished phase moved out of its arc.
 
     Args:

@@ -71,7 +71,7 @@ class Turning(NamedTuple):
     turned: Array
 
 
-class Times(NamedTuple):
+class FreeTimes(NamedTuple):
     """Hold the free times of a flight.
 
     Attributes:
@@ -102,7 +102,9 @@ class ConstraintRows:
         return len(self.lower) - 1
 
 
-def segments_of(arrays: MissionArrays, start: NDArray[np.void], times: Times) -> NDArray[np.void]:
+def segments_of(
+    arrays: MissionArrays, start: NDArray[np.void], times: FreeTimes
+) -> NDArray[np.void]:
     """Return the segments of a flight, dtype SEGMENT; empty if the times are not possible."""
     segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
     ends = np.zeros(max(1, len(times.lengths)))
@@ -158,7 +160,7 @@ class Transcription:
         self,
         arrays: MissionArrays,
         start: NDArray[np.void],
-        times: Times,
+        times: FreeTimes,
         floors: tuple[Floor, ...] = (),
         degree: int = 5,
         finer: float = 1.0,
