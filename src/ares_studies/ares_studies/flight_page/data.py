@@ -13,7 +13,7 @@ from ares_models.mission import Mission
 from ares_models.orbits import Elements
 from ares_studies.flight_page.budget import Budget, make_budget, propellant_left
 from ares_studies.flight_page.geometry import (
-    Track,
+    GroundTrack,
     ground_range,
     ground_track,
     impact_track,
@@ -123,7 +123,7 @@ class States:
     inclination_deg: Array
     eccentricity: Array
     range_m: Array
-    track: Track
+    track: GroundTrack
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class DrawnFlight:
     guidance: Guidance | None
     navigation: NavigationDeviation | None
     impact_time_s: Array
-    impact: Track
+    impact: GroundTrack
     heating_limit_w_m2: float | None
     propellant_kg: Array
     budget: Budget
