@@ -20,7 +20,7 @@ from ares_models.arrays import (
 from ares_models.floors import Floor
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, Trial, target_energy
-from ares_optimizer.collocation.transcription import FreeTimes, Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
 
@@ -359,7 +359,7 @@ def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: 
     return _first_crossing(burning, above, begin + 0.7 * most) - begin
 
 
-def guess_of(program: Transcription, trial: Trial) -> Array:
+def guess_of(program: CollocationProgram, trial: Trial) -> Array:
     """Convert a trial flight to variables of a program.
 
     Args:
@@ -397,7 +397,7 @@ def guess_of(program: Transcription, trial: Trial) -> Array:
     return x
 
 
-def node_times(program: Transcription, lengths: Array | None = None) -> Array:
+def node_times(program: CollocationProgram, lengths: Array | None = None) -> Array:
     """Return the mission elapsed time of each state, s, shape (nodes,).
 
     Args:

@@ -15,7 +15,7 @@ from ares_optimizer.collocation.arrays import GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import FreeTimes, Transcription, Turning
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes, Turning
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
 from ares_optimizer.results import SAME_LENGTH
@@ -45,12 +45,12 @@ class FoundOptimum:
         m_f_kg: the mass that is maximised, see :func:`mass_of`.
     """
 
-    program: Transcription
+    program: CollocationProgram
     point: StoppingPoint
     m_f_kg: float
 
 
-def worst_row(program: Transcription, point: StoppingPoint) -> str:
+def worst_row(program: CollocationProgram, point: StoppingPoint) -> str:
     """Return the name of the row with the largest violation."""
     rows = np.zeros(program.row_lower.size)
     program.rows(point.x, rows)
@@ -58,12 +58,12 @@ def worst_row(program: Transcription, point: StoppingPoint) -> str:
     return program.names[int(np.argmax(off))]
 
 
-def mass_of(program: Transcription, point: StoppingPoint) -> float:
+def mass_of(program: CollocationProgram, point: StoppingPoint) -> float:
     """Return the mass at the end of the last stage with a free burn, kg."""
     return float(point.x[program.ends[program.saving]] * program.mass)
 
 
-def times_of(program: Transcription, x: Array) -> FreeTimes:
+def times_of(program: CollocationProgram, x: Array) -> FreeTimes:
     """Return the free times at a point of a program."""
     begins = float(program.start["time"][0]) + program.time * np.concatenate(
         ([0.0], np.cumsum(x[program.lengths]))
@@ -95,7 +95,7 @@ def _at_event(at: float, begins: Array, p: int | None) -> float:
     return nearest if abs(nearest - at) < SAME_LENGTH else at
 
 
-def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
+def finer_guess(program: CollocationProgram, old: CollocationProgram, x: Array) -> Array:
     """Interpolate the variables of a finer program from those of a coarser one."""
     lengths = x[old.lengths] * old.time
     out = np.zeros(program.size)
@@ -139,7 +139,7 @@ def is_idle(found: FoundOptimum) -> bool:
     return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
 
 
-def align_directions(program: Transcription, x: Array) -> None:
+def align_directions(program: CollocationProgram, x: Array) -> None:
     """Add a linear cost that aligns the directions of each guided phase.
 
     Used where the mass does not depend on them.

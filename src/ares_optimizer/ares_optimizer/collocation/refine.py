@@ -22,7 +22,7 @@ from ares_optimizer.collocation.points import (
 )
 from ares_optimizer.collocation.search import Search, refined
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
-from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
@@ -153,7 +153,7 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     return Proven(found, adjoint, steering, flight, checks, exact)
 
 
-def steering_of(program: Transcription, point: StoppingPoint, adjoint: Adjoint) -> Steering:
+def steering_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjoint) -> Steering:
     """Return the steering of a point: along the primer where thrust and primer agree.
 
     There is no primer where propellant has no price, for example where burns of fixed length give
@@ -195,7 +195,7 @@ def steering_of(program: Transcription, point: StoppingPoint, adjoint: Adjoint) 
 
 
 def _interpolated(
-    program: Transcription, p: int, times: Array, u: Array
+    program: CollocationProgram, p: int, times: Array, u: Array
 ) -> Callable[[float], Array]:
     """Interpolate the directions at the Radau points of a phase, by a polynomial per interval."""
     d = program.degree

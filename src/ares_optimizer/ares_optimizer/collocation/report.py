@@ -26,7 +26,7 @@ from ares_optimizer.collocation.points import (
 from ares_optimizer.collocation.refine import SAG, SPREAD, Proven
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import FreeTimes, Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
@@ -65,7 +65,7 @@ _NOTHING_KG = 0.1
 
 
 def _steering_arcs(
-    program: Transcription, point: StoppingPoint, adjoint: Adjoint
+    program: CollocationProgram, point: StoppingPoint, adjoint: Adjoint
 ) -> tuple[SteeringArc, ...]:
     """Return a linear-tangent law per phase: the chord from first to last direction."""
     arcs = []
@@ -161,7 +161,7 @@ def solution_of(
     )
 
 
-def _unknowns(program: Transcription, proven: Proven, times: FreeTimes) -> Array:
+def _unknowns(program: CollocationProgram, proven: Proven, times: FreeTimes) -> Array:
     """Return the unknowns of the two-point problem, see ``indirect.solver.Root``."""
     point, adjoint = proven.found.point, proven.adjoint
     arrays, start = program.arrays, program.start[0]
@@ -191,7 +191,7 @@ def _unknowns(program: Transcription, proven: Proven, times: FreeTimes) -> Array
     return np.array(unknowns)
 
 
-def _sampled(program: Transcription, proven: Proven, nodes: Array) -> Trajectory:
+def _sampled(program: CollocationProgram, proven: Proven, nodes: Array) -> Trajectory:
     """Convert the states of a program to a trajectory, with samples at both ends of phases."""
     adjoint = proven.adjoint
     masses = np.interp(adjoint.time, nodes[:, 0], nodes[:, 7])
@@ -218,7 +218,7 @@ def _sampled(program: Transcription, proven: Proven, nodes: Array) -> Trajectory
     )
 
 
-def _nodes(program: Transcription, point: StoppingPoint) -> Array:
+def _nodes(program: CollocationProgram, point: StoppingPoint) -> Array:
     """Return the states of the program with time and mass, shape (n, 8).
 
     Masses are exact at the begins of phases and interpolated between them.
@@ -383,7 +383,7 @@ def _with_sensitivities(
     return with_multipliers(checks, sensitivities)
 
 
-def _length_worths(program: Transcription, point: StoppingPoint, times: FreeTimes) -> Array:
+def _length_worths(program: CollocationProgram, point: StoppingPoint, times: FreeTimes) -> Array:
     """Return kg of final mass per second of the bound of each free arc; nan: not known."""
     arrays, start = program.arrays, program.start[0]
     _, high = length_bounds(arrays, start)

@@ -26,7 +26,7 @@ from ares_optimizer.collocation.points import (
     worst_row,
 )
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, solve_program
-from ares_optimizer.collocation.transcription import FreeTimes, Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.results import SAME_LENGTH
@@ -182,7 +182,7 @@ class Search:
         """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
         try:
-            program = Transcription(self.arrays, self.start, trial.times, floors)
+            program = CollocationProgram(self.arrays, self.start, trial.times, floors)
         except ValueError:
             self._unproven = True
             return None
@@ -229,7 +229,7 @@ class Search:
         """
         for times in moved_events(found):
             try:
-                program = Transcription(self.arrays, self.start, times, floors)
+                program = CollocationProgram(self.arrays, self.start, times, floors)
             except ValueError:
                 continue
             guess = finer_guess(program, found.program, found.point.x)
@@ -333,7 +333,7 @@ def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:
 
 
 def _moved_times(
-    program: Transcription, times: FreeTimes, phases: list[int], p: int, move: float
+    program: CollocationProgram, times: FreeTimes, phases: list[int], p: int, move: float
 ) -> FreeTimes | None:
     """Return the times with the event at a vanished phase moved out of its arc.
 
@@ -365,7 +365,7 @@ def _moved_times(
     return times._replace(lengths=moved)
 
 
-def _burn_before(program: Transcription, k: int) -> int:
+def _burn_before(program: CollocationProgram, k: int) -> int:
     """Return the burn before an arc; -1: none."""
     burns = [b for b in program.arc_phases if b < k and program.arrays.arcs[b]["kind"] == BURN]
     return max(burns, default=-1)
@@ -396,7 +396,7 @@ def refined(
     times = times_of(found.program, found.point.x)
     try:
         turning = None if search.idle else turning_of(found)
-        program = Transcription(
+        program = CollocationProgram(
             search.arrays, search.start, times, floors, finer=finer, turning=turning
         )
     except ValueError:

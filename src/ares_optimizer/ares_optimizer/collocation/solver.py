@@ -8,7 +8,7 @@ import ipyopt
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.registry import COLLOCATION
 
@@ -72,7 +72,7 @@ class StoppingPoint:
 
 
 def solve_program(
-    program: Transcription,
+    program: CollocationProgram,
     guess: Array | StoppingPoint,
     deadline: Deadline,
     mu: float | None = None,

@@ -141,7 +141,7 @@ def count_rows(target: Record, start: NDArray[np.void]) -> int:
     return int(terminal_rows(target, 1.0, r, v, *room))
 
 
-class Transcription:
+class CollocationProgram:
     """Transcribe one mission with one order of events to a program.
 
     Attributes:
