@@ -17,7 +17,7 @@ from ares_models.orbits import Elements
 from ares_optimizer import auto
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
-from ares_optimizer.collocation.pilot import Trial
+from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
@@ -343,7 +343,7 @@ def test_a_trial_flies_by_its_constants_to_near_the_target() -> None:
     assert trial.track[-1, rollout.TIME] == pytest.approx(trial.times.cutoff)
 
 
-def first_trial(name: str) -> tuple[MissionArrays, Trial]:
+def first_trial(name: str) -> tuple[MissionArrays, TrialFlight]:
     mission = load_mission(LAUNCHERS / f"{name}.yaml")
     arrays, start = mission.arrays(), start_of(mission)
     return arrays, next(trials(arrays, start, floors_of(arrays, start)))

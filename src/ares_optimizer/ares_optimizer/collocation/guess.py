@@ -19,7 +19,7 @@ from ares_models.arrays import (
 )
 from ares_models.floors import Floor
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, Trial, target_energy
+from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, TrialFlight, target_energy
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
@@ -75,7 +75,7 @@ def _first_crossing(track: Array, above: Array, default: float) -> float:
 
 def trials(
     arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
-) -> Iterator[Trial]:
+) -> Iterator[TrialFlight]:
     """Fly first guesses of a search, the likeliest first.
 
     Args:
@@ -199,14 +199,14 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     return whole, lengths
 
 
-def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: Trial) -> float:
+def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: TrialFlight) -> float:
     """Return the begin of the last arc of a flight, s."""
     return last_begin(arrays, start[0], trial.times.lengths)
 
 
 def _aimed(
     alone: MissionArrays, start: NDArray[np.void], last: float | None = None
-) -> tuple[Trial, Array] | None:
+) -> tuple[TrialFlight, Array] | None:
     """Return the best fit of a mission of one group, and its constants.
 
     Args:
@@ -215,7 +215,7 @@ def _aimed(
         last: initial length of its last burn, s; None: until the energy is reached.
     """
     part = Pilot(alone, start, ())
-    best: tuple[Trial, Array] | None = None
+    best: tuple[TrialFlight, Array] | None = None
     for constants, lengths in _start_constants(part):
         times = _first_times(part, constants, lengths, {})
         if times is None:
@@ -359,7 +359,7 @@ def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: 
     return _first_crossing(burning, above, begin + 0.7 * most) - begin
 
 
-def guess_of(program: CollocationProgram, trial: Trial) -> Array:
+def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
     """Convert a trial flight to variables of a program.
 
     Args:

@@ -49,7 +49,7 @@ _LONGEST_S = 1e5
 
 
 @dataclass(frozen=True)
-class Trial:
+class TrialFlight:
     """Hold a trial flight.
 
     Attributes:
@@ -246,7 +246,9 @@ class Pilot:
             return math.inf
         return float(there.min(initial=math.inf))
 
-    def aim(self, times: FreeTimes, constants: Array, coasts: bool = False) -> tuple[Trial, Array]:
+    def aim(
+        self, times: FreeTimes, constants: Array, coasts: bool = False
+    ) -> tuple[TrialFlight, Array]:
         """Fit constants and lengths by least squares, so that a flight ends near the target.
 
         Args:
@@ -292,7 +294,7 @@ class Pilot:
 
         track = self.fly(times_of(x0), x0[:n])
         if not len(track):
-            return Trial(times, track.copy(), math.inf), constants
+            return TrialFlight(times, track.copy(), math.inf), constants
         count = self.miss_of(track).size + x0.size
         found = least_squares(
             residual,
@@ -305,13 +307,13 @@ class Pilot:
         there = times_of(found.x)
         track = self.fly(there, found.x[:n])
         if not len(track):
-            return Trial(times, track.copy(), math.inf), constants
+            return TrialFlight(times, track.copy(), math.inf), constants
         there = self.with_drops(there, track)
         again = self.fly(there, found.x[:n])
         if len(again):
             track = again
         miss = float(np.linalg.norm(self.miss_of(track)))
-        return Trial(there, track.copy(), miss), found.x[:n]
+        return TrialFlight(there, track.copy(), miss), found.x[:n]
 
 
 def target_energy(arrays: MissionArrays) -> float:

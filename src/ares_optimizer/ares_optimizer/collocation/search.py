@@ -13,7 +13,7 @@ from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
-from ares_optimizer.collocation.pilot import Trial
+from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -151,7 +151,7 @@ class Search:
             and led == self.again >= self.starts - _FAILED
         )
 
-    def try_start(self, trial: Trial) -> None:
+    def try_start(self, trial: TrialFlight) -> None:
         """Solve from a trial flight; skip one far from its target if a solution is known."""
         if self.best is not None and trial.miss > _FAR_OFF:
             return
@@ -178,7 +178,7 @@ class Search:
             if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
         ]
 
-    def _solved(self, trial: Trial) -> FoundOptimum | None:
+    def _solved(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
         try:
@@ -371,7 +371,7 @@ def _burn_before(program: CollocationProgram, k: int) -> int:
     return max(burns, default=-1)
 
 
-def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[Floor, ...]:
+def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> tuple[Floor, ...]:
     """Return the active floors: in the ascent a coast may be below the default floor.
 
     Args:
