@@ -336,7 +336,7 @@ def fly(
         held.enter_context(audience)
         if options.sealed:
             held.enter_context(new_key())
-        terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show, options)
+        terms = _Callbacks(say, lambda: greet(_greeting(summary)), audience, show, options)
         if options.in_process:
             _fly_in_process(summary, parameters, terms)
         else:
@@ -359,7 +359,7 @@ def _greeting(summary: FlightSummary) -> str:
 
 
 @dataclass(frozen=True)
-class _Terms:
+class _Callbacks:
     """Hold the callbacks and options of a flight.
 
     Attributes:
@@ -446,7 +446,7 @@ def flight_graph(
             context.try_shutdown()
 
 
-def _watch(monitor: "FlightMonitor", pace: float, terms: _Terms, stop: "StopSignals") -> Watch:
+def _watch(monitor: "FlightMonitor", pace: float, terms: _Callbacks, stop: "StopSignals") -> Watch:
     # only on a terminal: for a program, the lines must not depend on the machine's speed
     patience = PATIENCE if sys.stderr.isatty() else math.inf
     return Watch(monitor, pace, terms.say, lambda: stop.requested, terms.begun, patience)
@@ -480,7 +480,7 @@ def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> N
 def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    terms: _Terms,
+    terms: _Callbacks,
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
@@ -596,7 +596,7 @@ def _end_crew(
 def _fly_in_process(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    terms: _Terms,
+    terms: _Callbacks,
 ) -> None:
     say, audience = terms.say, terms.audience
 
