@@ -92,7 +92,7 @@ TAIL = (
 )
 
 
-class TestJacobian:
+class TestHeldJacobian:
     """Compare with five-point differences."""
 
     def check(self, flight, name, solved, longer=1.5):
