@@ -14,7 +14,7 @@ from ares_vehicle_sim.arrays import DEPLETION, IMPACT, TIME_LIMIT
 
 
 class Verdict(StrEnum):
-    """Name the outcomes of a flight; the first that applies counts."""
+    """Name the verdicts on a flight; the first that applies counts."""
 
     ERROR = "error"
     IMPACT = "impact"
