@@ -52,7 +52,7 @@ format: ## lay out the code
 	@./ares exec ruff check --fix .
 	@./ares exec ruff format .
 
-usage: ## write what ./ares tells of its verbs before anything is installed
+usage: ## write what is made of the parameters of the nodes and of the verbs
 	@./ares exec python tools/usage.py
 
 lock: ## write the hashes of requirements/*.txt to requirements/locked

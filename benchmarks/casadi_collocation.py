@@ -16,7 +16,7 @@ from casadi_ascent import log_density
 from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_INCLINATION
 from ares_optimizer.collocation.arrays import COASTING, FLOOR_RULE, HEATING_RULE, TARGET_RULE
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram
 
 OPTIONS = {
     "print_time": False,
@@ -37,7 +37,7 @@ class CasadiCollocation:
         rows: function of the variables, all rows.
     """
 
-    def __init__(self, program: Transcription) -> None:
+    def __init__(self, program: CollocationProgram) -> None:
         """Build the equations.
 
         Args:

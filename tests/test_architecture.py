@@ -219,6 +219,15 @@ def test_no_module_of_the_optimizer_imports_in_a_circle_or_late():
         assert not [x for x in inside if isinstance(x, ast.Import | ast.ImportFrom)], module
 
 
+def test_each_class_name_is_used_once():
+    found = {}
+    for module in sorted(SOURCES.glob("ares_*/**/*.py")):
+        for node in ast.walk(ast.parse(module.read_text())):
+            if isinstance(node, ast.ClassDef):
+                assert node.name not in found, f"{module} beside {found[node.name]}: {node.name}"
+                found[node.name] = module
+
+
 def test_a_circle_would_be_noticed():
     assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == ["a", "b", "c", "d"]

@@ -151,7 +151,7 @@ def test_an_interrupted_campaign_goes_on(ares, tmp_path, end):
         (["--mission", "soyuz"], "mission 'soyuz': no such mission"),
         (["--dispersions", "wild"], "dispersions 'wild': no such dispersions; shipped are"),
         (["--dispersions", "/nowhere.yaml"], "/nowhere.yaml: no such file"),
-        (["--cycle-period", "0"], "cycle_period_s is 0.0; expected 0.001 to 100"),
+        (["--cycle-period", "0"], "--cycle-period is '0'; expected at least 0.001"),
         (["--out", __file__], "test_cli_montecarlo.py: is a file; expected a folder"),
         (["--out", "/proc/nothing"], "/proc/nothing: No such file or directory"),
         (["--scheduler", "nowhere"], "no Dask scheduler at 'nowhere'"),

@@ -37,7 +37,7 @@ from ares_node.membership import MOST_HEARD, Membership, Role, State
 from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, MEMBERS
 from ares_node.states import StateMessage, Unreadable
 from ares_node.time import stamp_from_seconds
-from ares_optimizer.messages import Answers
+from ares_optimizer.messages import RequestServer
 from ares_trials.testing.bags import messages, write_bag
 from ares_vehicle_sim.dispersions import DispersionsError, load_dispersions
 from ares_vehicle_sim.node import VehicleSimNode
@@ -346,7 +346,7 @@ def test_a_command_beyond_numbers_is_refused(field: str, value: object) -> None:
 @pytest.mark.parametrize("field", ["position", "velocity", "mass", "arc_start_time"])
 @pytest.mark.parametrize("method", ["indirect", "analytic", "direct11"])
 def test_a_request_from_beyond_numbers_is_refused(method: str, field: str) -> None:
-    answers = Answers("ares_v", method, 1.0)
+    answers = RequestServer("ares_v", method, 1.0)
     start = load_mission("ares_v").start()
     state = NavState(
         position=start.position, velocity=start.velocity, mass=start.mass_kg, arc_start_time=155.9
@@ -362,7 +362,7 @@ def test_a_request_from_beyond_numbers_is_refused(method: str, field: str) -> No
 @pytest.mark.parametrize("mass", [1.0, 6.5, 1e4])
 @pytest.mark.parametrize("method", ["indirect", "analytic", "direct11", "closed_form", "jump"])
 def test_a_request_from_a_vehicle_lighter_than_empty_is_answered(method: str, mass: float) -> None:
-    answers = Answers("ares_v", method, 1.0)
+    answers = RequestServer("ares_v", method, 1.0)
     start = load_mission("ares_v").start()
     state = NavState(
         position=start.position, velocity=start.velocity, mass=mass, arc_start_time=171.49
@@ -393,7 +393,7 @@ def test_a_request_from_an_odd_state_is_no_fault_of_the_server(
     mission: str, method: str, place: float, speed: float, mass: float, arc: int
 ) -> None:
     """Solve from a state at rest, where plane and perigee are undefined."""
-    answers = Answers(mission, "auto", 1.0)
+    answers = RequestServer(mission, "auto", 1.0)
     start = load_mission(mission).start()
     state = NavState(
         stamp=stamp_from_seconds(start.time_s),
@@ -413,7 +413,7 @@ def test_a_request_from_an_odd_state_is_no_fault_of_the_server(
 
 
 def test_a_vehicle_of_which_nothing_would_be_left_has_no_solution() -> None:
-    answers = Answers("ares_v", "analytic", 1.0)
+    answers = RequestServer("ares_v", "analytic", 1.0)
     state = NavState(
         position=[-5781333.8, -2024247.06, 3058328.51082876],
         velocity=[413.92700001, -1839.599, 202.55],

@@ -18,7 +18,7 @@ from ares_models.ranges import Range
 from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
 from ares_trials.sweep.inputs import all_keys, inputs, to_yaml, used_keys
 from ares_trials.sweep.plan import all_inputs, bases, each_once, tasks, warm_up
-from ares_trials.sweep.pool import Task, Worker, attempt_all
+from ares_trials.sweep.pool import AttemptWorker, Task, attempt_all
 from ares_vehicle_sim.dispersions import Dispersions, SpreadRange
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -91,7 +91,7 @@ def test_a_new_key_is_tried_without_a_word():
 def test_a_crash_and_a_hang_are_findings_and_the_rest_goes_on():
     good = next(task for task in warm_up() if task.name == "ares_v")
     task = Task("good", MISSION, good.text, ("fly peg",))
-    worker = Worker([])
+    worker = AttemptWorker([])
     patience = worker.wall_limit_s
     try:
         assert [result.outcome for result in worker.attempt(task)] == ["done", "done"]

@@ -77,7 +77,7 @@ def test_the_optimum_is_served_whole(served):
 def test_a_plan_by_legs_is_served_and_read_as_one(monkeypatch):
     found = messages.solve
     asked = SolveTrajectory.Request(mission="ares_v")
-    service = messages.Answers("ares_v", "indirect", 10.0)
+    service = messages.RequestServer("ares_v", "indirect", 10.0)
     assert not service.answer(asked).by_legs
     monkeypatch.setattr(messages, "solve", lambda *a, **k: replace(found(*a, **k), by_legs=True))
     assert _trajectory(service.answer(asked)).by_legs

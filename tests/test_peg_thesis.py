@@ -12,7 +12,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, GuidanceStatus
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
-from ares_optimizer.messages import Answers
+from ares_optimizer.messages import RequestServer
 from ares_optimizer.node import OptimizerNode
 from ares_studies.closed_loop import fly_compiled
 from ares_vehicle_sim.node import VehicleSimNode
@@ -80,7 +80,7 @@ def test_an_answer_without_a_jettison_is_no_start(graph):
 
     def serve(request, response):
         asked.append(request)
-        response = Answers("ares_v", "analytic", 60.0).answer(request)
+        response = RequestServer("ares_v", "analytic", 60.0).answer(request)
         response.jettison_time = float("nan")
         return response
 

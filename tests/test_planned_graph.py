@@ -17,7 +17,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
-from ares_optimizer.messages import Answers
+from ares_optimizer.messages import RequestServer
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import offline_trajectory
 from ares_trials.testing.laws import RESTART
@@ -325,7 +325,7 @@ def test_a_flight_without_pace_waits_for_a_restarted_guidance_that_plans(
     graph, missions, optimizer, plan
 ):
     first = graph.start(GuidanceNode, mission=missions["free"])
-    planner = Answers(missions["fixed"], "indirect", 60.0)
+    planner = RequestServer(missions["fixed"], "indirect", 60.0)
 
     def from_here(request):
         request.mission, request.mission_text = missions["fixed"], ""

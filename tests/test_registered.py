@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from ares_guidance import laws
+from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.registry import load_registered, registered
 from ares_optimizer.registry import METHODS, method_names
@@ -49,6 +51,13 @@ def test_what_the_thesis_and_the_trials_bring_is_there():
     assert "peg_thesis" in law_names()
     assert method_names() == (*METHODS, "analytic")
     assert set(registered("ares_bringup.verbs")) == {"faults", "reproduce"}
+
+
+def test_each_module_of_laws_is_a_law():
+    modules = {path.stem for path in Path(laws.__file__).parent.glob("[a-z]*.py")}
+    assert modules
+    assert modules <= set(law_names())
+    assert all(find_law(name).name == name for name in modules)
 
 
 def test_the_core_flies_without_them(without_leaves):

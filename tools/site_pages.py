@@ -5,7 +5,6 @@ Messages are read from their definitions, parameters from the nodes' tables, hel
 line, measurements from benchmark results; the front page and the packages' pages are READMEs.
 """
 
-import importlib
 import json
 import posixpath
 import re
@@ -65,15 +64,6 @@ CHAPTERS = {
         "benchmarks",
         "comparison",
     ),
-}
-#: Nodes and the modules with their parameter tables.
-NODES = {
-    "vehicle_sim": "ares_vehicle_sim.node",
-    "guidance": "ares_guidance.node",
-    "optimizer": "ares_optimizer.node",
-    "recorder": "ares_bags.recorder",
-    "live": "ares_view.live.node",
-    "view": "ares_view.standard.node",
 }
 INTERFACES = "src/ares_msgs"
 
@@ -232,8 +222,10 @@ def comment(item: Any, message: Any) -> str:
 
 def parameters() -> str:
     """Describe the parameters of each node."""
+    from ares_bringup.parameter_tables import tables
+
     parts = ["# Parameters\n\nMade of the tables that the nodes declare their parameters from."]
-    for node, module in NODES.items():
+    for node, table_rows in tables().items():
         rows = [
             (
                 f"`{row.name}`",
@@ -242,7 +234,7 @@ def parameters() -> str:
                 row.expected,
                 row.description,
             )
-            for row in importlib.import_module(module).PARAMETERS
+            for row in table_rows
         ]
         parts += [f"## {node}", table(("parameter", "default", "unit", "expected", "what"), rows)]
     return "\n\n".join(parts)

@@ -183,7 +183,9 @@ def package_digest(root: Path) -> str:
         for name in ("package.xml", "setup.py", "setup.cfg"):
             if (package / name).exists():
                 parts += [f"{package.name}/{name}", (package / name).read_bytes()]
-        for folder in ("launch", "layouts", "params", "resource", "rviz"):
+        # each module with a law is an entry point
+        laws = f"{package.name}/laws"
+        for folder in ("launch", "layouts", "params", "resource", "rviz", laws):
             parts += [path.relative_to(root).as_posix() for path in _files(package / folder)]
     return digest(parts)
 

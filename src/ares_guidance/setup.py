@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packaging of ares_guidance."""
 
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 PACKAGE = "ares_guidance"
+#: Each module of this folder is a law of its name.
+LAWS = sorted(path.stem for path in Path("ares_guidance/laws").glob("[a-z]*.py"))
 
 setup(
     name=PACKAGE,
@@ -30,9 +34,8 @@ setup(
     entry_points={
         "console_scripts": ["guidance = ares_guidance.__main__:main"],
         "ares_guidance.laws": [
-            "igm = ares_guidance.laws.igm:LAW",
-            "optimal = ares_guidance.laws.optimal:LAW",
             "peg = ares_guidance.law:PEG",
+            *(f"{name} = ares_guidance.laws.{name}:LAW" for name in LAWS),
         ],
     },
 )

@@ -18,7 +18,7 @@ from ares_models.mission import Mission, load_mission
 from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.time import stamp_from_seconds
-from ares_optimizer.messages import Answers, Response
+from ares_optimizer.messages import RequestServer, Response
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 from hostile.messages import heard, hostile
 from hostile.nodes import MISSION, Call, Flight, NodeTarget
@@ -57,7 +57,7 @@ class OptimizerAnswers(NodeTarget):
         asked = SolveTrajectory.Request(
             mission=MISSION, use_nav_state=True, nav_state=self._state, time_limit=5.0
         )
-        self._good = bytes(serialize_message(Answers(MISSION, "indirect", 5.0).answer(asked)))
+        self._good = bytes(serialize_message(RequestServer(MISSION, "indirect", 5.0).answer(asked)))
         calls = []
         for law in _LAWS:
             node = self.node(GuidanceNode, mission=MISSION, law=law, initial_guess="optimizer")
@@ -114,7 +114,7 @@ class Requests(Target):
     share = 0.1
 
     def begin(self) -> None:
-        self._answers = Answers(MISSION, "indirect", 0.05)
+        self._answers = RequestServer(MISSION, "indirect", 0.05)
         self._flight = Flight()
         self._missions = {name: load_mission(name) for name in _MISSIONS}
         # compiled before it is timed

@@ -57,7 +57,7 @@ from ares_bags.writer import LIBRARY
 
 
 @dataclass
-class Verification:
+class BagVerification:
     """Hold the result of a verification.
 
     Attributes:
@@ -105,7 +105,7 @@ def surveyed(path: Path, file: Path) -> Survey:
     return found
 
 
-def verify(path: Path | str, *, decode: bool = True) -> Verification:
+def verify(path: Path | str, *, decode: bool = True) -> BagVerification:
     """Read everything in a bag and check it for consistency.
 
     Args:
@@ -122,10 +122,10 @@ def verify(path: Path | str, *, decode: bool = True) -> Verification:
     return _together(path, [Examination(path, file, decode, alone=False) for file in files])
 
 
-def _together(path: Path, parts: Sequence["Examination"]) -> Verification:
+def _together(path: Path, parts: Sequence["Examination"]) -> BagVerification:
     """Merge the results of a bag's files."""
     results = [part.result for part in parts]
-    whole = Verification(path if path.is_dir() else path.parent, decoded=results[0].decoded)
+    whole = BagVerification(path if path.is_dir() else path.parent, decoded=results[0].decoded)
     for result in results:
         whole.findings += [f"{result.file.name}: {finding}" for finding in result.findings]
         whole.messages += result.messages
@@ -177,7 +177,7 @@ class Examination:
         """
         self.survey = surveyed(path, file)
         self.data = self.survey.data
-        self.result = Verification(file, decoded=decode)
+        self.result = BagVerification(file, decoded=decode)
         self.contents = Contents()
         self.copies: list[tuple[str, dict[str, Any]]] = []
         self.whole = True

@@ -353,7 +353,7 @@ def _start(
     """Repeat the flight's request to the optimizer, and start guidance from the answer."""
     if reason := unmet("ares_optimizer", "solve"):
         raise CannotStart(reason)
-    from ares_optimizer.messages import Answers as Optimizer
+    from ares_optimizer.messages import RequestServer
 
     taken = [(at, status) for at, status in recorded.reports if status.message == ANSWER_TAKEN]
     refused = [s.message for _, s in recorded.reports if s.message.startswith(WITHOUT_ANSWER)]
@@ -379,7 +379,7 @@ def _start(
     request.method = request.method or method
     # no time limit: the answer came in time then, and this machine may be slower
     request.time_limit = 0.0
-    answer = Optimizer(values["mission"], method, 600.0).answer(request)
+    answer = RequestServer(values["mission"], method, 600.0).answer(request)
     result.notes.append(f"the optimizer's answer was found again, by its method {answer.method}")
     try:
         if answer.error_code:

@@ -32,10 +32,10 @@ from ares_bringup.options import (
     PEG,
     CannotStart,
     FlyOptions,
-    HeatingSource,
-    InitialGuess,
     domain_id,
+    refusals,
 )
+from ares_bringup.parameter_tables import known, tables
 from ares_bringup.rehearsal import rehearse
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
@@ -101,12 +101,10 @@ def mission_facts(name: str) -> MissionFacts:
     """
     from ares_models.mission import load_mission
 
-    try:
+    with refusals():
         mission = load_mission(name)
+        # it may not be installed
         mission.atmosphere()
-    except ValueError as error:
-        # an invalid file, or an atmosphere that is not installed
-        raise CannotStart(" ".join(str(error).split())) from error
     return facts_of(mission)
 
 
@@ -138,10 +136,8 @@ def _margin(dispersions: str) -> float:
     """
     from ares_vehicle_sim.dispersions import load_dispersions
 
-    try:
+    with refusals():
         return load_dispersions(dispersions).heating_margin()
-    except ValueError as error:
-        raise CannotStart(" ".join(str(error).split())) from error
 
 
 def _check_failure(failure: str, mission: str) -> None:
@@ -150,13 +146,11 @@ def _check_failure(failure: str, mission: str) -> None:
     Raises:
         CannotStart: it is not; one line.
     """
-    from ares_models.failures import FailureError, check_failure, read_failure
+    from ares_models.failures import check_failure, read_failure
     from ares_models.mission import load_mission
 
-    try:
+    with refusals():
         check_failure(read_failure(failure), load_mission(mission))
-    except FailureError as error:
-        raise CannotStart(str(error)) from error
 
 
 def _find_law(name: str) -> "LawKind":
@@ -202,24 +196,26 @@ def needs_plan(mission: str) -> bool:
     Raises:
         CannotStart: no such mission; one line.
     """
-    from ares_models.mission import MissionError, load_mission
+    from ares_models.mission import load_mission
 
-    try:
+    with refusals():
         return load_mission(mission).needs_plan
-    except MissionError as error:
-        raise CannotStart(str(error)) from error
 
 
 def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     """Check the inputs of a flight before anything is started.
 
     Args:
-        flown: parameters by name: mission, law, dispersions, pace, as far as given.
+        flown: parameters of simulator and guidance by name, as far as given.
         bag: folder of the bag; "": none.
 
     Raises:
         CannotStart: one of them is invalid; one line.
     """
+    with refusals():
+        for row in (*tables()[SIMULATOR], *tables()[GUIDANCE]):
+            if row.name in flown:
+                row.checked(flown[row.name])
     name = str(flown.get("mission", "ares_v"))
     mission_facts(name)
     _find_law(str(flown.get("law", PEG)))
@@ -227,8 +223,6 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
         _margin(str(flown["dispersions"]))
     if flown.get("failure"):
         _check_failure(str(flown["failure"]), name)
-    if not float(flown.get("pace", 0.0)) >= 0.0:
-        raise CannotStart(f"pace is {flown['pace']}; expected a number of at least 0")
     if bag and os.path.lexists(bag):
         raise CannotStart(f"bag is {bag!r}, which exists; expected a new folder")
 
@@ -243,68 +237,59 @@ def node_parameters(
         bag: folder of the bag; None: no recorder.
         flight_id: identity of the flight.
     """
-    simulator: dict[str, Any] = {
+    given: dict[str, Any] = {
+        "pace": 0.0,
+        **options.settings,
         "flight_id": flight_id,
         "mission": options.mission,
-        "pace": float(options.pace),
-        "seed": options.seed,
-        "attitude_rate_limit_deg_s": float(options.attitude_rate_limit_deg_s),
+        "law": options.guidance,
         "start_timeout_s": START_TIMEOUT,
         "expected_recorders": int(bag is not None),
         "expected_judges": 1,
+        "foxglove_port": options.foxglove_port,
+        "frame_prefix": own_frames(options.namespace),
+        "bag": bag,
     }
-    if options.dispersions is not None:
-        simulator["dispersions"] = options.dispersions
-    if options.failure is not None:
-        _check_failure(options.failure, options.mission)
-        simulator["failure"] = options.failure
     if options.flight is not None:
         from ares_vehicle_sim.dispersions import STANDARD
         from ares_vehicle_sim.simulator import CAMPAIGN
 
-        simulator.setdefault("dispersions", STANDARD)
-        simulator["flight"] = options.flight
-        simulator["navigation_period_s"] = CAMPAIGN.navigation_period_s
-        simulator["integration_step_s"] = CAMPAIGN.integration_step_s
-    if options.navigation_period_s is not None:
-        simulator["navigation_period_s"] = float(options.navigation_period_s)
-    guidance: dict[str, Any] = {
-        "flight_id": flight_id,
-        "mission": options.mission,
-        "law": options.guidance,
-        "initial_guess": options.initial_guess.value,
-    }
-    if options.cycle_period_s is not None:
-        guidance["cycle_period_s"] = float(options.cycle_period_s)
-    if options.hold_time_s is not None:
-        guidance["hold_time_s"] = float(options.hold_time_s)
-    if options.heating_source is not None:
-        guidance["heating_source"] = options.heating_source.value
-        if options.heating_source is HeatingSource.MODEL and "dispersions" in simulator:
-            guidance["heating_margin"] = _margin(simulator["dispersions"])
-    nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
-    if options.initial_guess is InitialGuess.OPTIMIZER or needs_plan(options.mission):
-        nodes[OPTIMIZER] = {"mission": options.mission}
-    elif options.initial_guess is InitialGuess.ANALYTIC or needs_trajectory(options.guidance):
-        nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
-    if OPTIMIZER in nodes and (reason := unmet("ares_optimizer", "solve")):
-        raise CannotStart(reason)
+        stepped = {
+            "dispersions": STANDARD,
+            "flight": options.flight,
+            "navigation_period_s": CAMPAIGN.navigation_period_s,
+            "integration_step_s": CAMPAIGN.integration_step_s,
+        }
+        given = stepped | given
+    if "failure" in given:
+        _check_failure(given["failure"], options.mission)
+    if given.get("heating_source") == "model" and "dispersions" in given:
+        given["heating_margin"] = _margin(given["dispersions"])
+    names = [SIMULATOR, GUIDANCE]
+    if optimizer := optimizer_values(given):
+        if reason := unmet("ares_optimizer", "solve"):
+            raise CannotStart(reason)
+        names.append(OPTIMIZER)
     if options.view or options.foxglove_port:
-        nodes[VIEW] = {
-            "flight_id": flight_id,
-            "mission": options.mission,
-            "foxglove_port": options.foxglove_port,
-            "frame_prefix": own_frames(options.namespace),
-        }
+        names.append(VIEW)
     if bag is not None:
-        nodes[RECORDER] = {
-            "flight_id": flight_id,
-            "bag": bag,
-            "mission": options.mission,
-            "law": options.guidance,
-            "seed": options.seed,
-        }
-    return nodes
+        names.append(RECORDER)
+    return {name: known(name, given | optimizer) for name in names}
+
+
+def optimizer_values(flown: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of the optimizer's node; empty if the flight does not need it.
+
+    Args:
+        flown: parameters by name: mission, law, initial_guess, as far as given.
+    """
+    guess = flown.get("initial_guess", "none")
+    mission = str(flown.get("mission", "ares_v"))
+    if guess == "optimizer" or needs_plan(mission):
+        return {"mission": mission}
+    if guess == "analytic" or needs_trajectory(str(flown.get("law", PEG))):
+        return {"mission": mission, "method": "analytic"}
+    return {}
 
 
 def fly(
@@ -351,7 +336,7 @@ def fly(
         held.enter_context(audience)
         if options.sealed:
             held.enter_context(new_key())
-        terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show, options)
+        terms = _Callbacks(say, lambda: greet(_greeting(summary)), audience, show, options)
         if options.in_process:
             _fly_in_process(summary, parameters, terms)
         else:
@@ -374,7 +359,7 @@ def _greeting(summary: FlightSummary) -> str:
 
 
 @dataclass(frozen=True)
-class _Terms:
+class _Callbacks:
     """Hold the callbacks and options of a flight.
 
     Attributes:
@@ -461,7 +446,7 @@ def flight_graph(
             context.try_shutdown()
 
 
-def _watch(monitor: "FlightMonitor", pace: float, terms: _Terms, stop: "StopSignals") -> Watch:
+def _watch(monitor: "FlightMonitor", pace: float, terms: _Callbacks, stop: "StopSignals") -> Watch:
     # only on a terminal: for a program, the lines must not depend on the machine's speed
     patience = PATIENCE if sys.stderr.isatty() else math.inf
     return Watch(monitor, pace, terms.say, lambda: stop.requested, terms.begun, patience)
@@ -495,7 +480,7 @@ def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> N
 def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    terms: _Terms,
+    terms: _Callbacks,
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
@@ -611,7 +596,7 @@ def _end_crew(
 def _fly_in_process(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    terms: _Terms,
+    terms: _Callbacks,
 ) -> None:
     say, audience = terms.say, terms.audience
 

@@ -11,7 +11,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from ares_bags.errors import printable
-from ares_bringup.summary import EXIT_MEANINGS, Diagnostic, Event, FlightSummary, Status
+from ares_bringup.summary import EXIT_MEANINGS, Diagnostic, Event, FlightSummary, GuidanceSample
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
     EXIT_STATUS,
@@ -219,7 +219,7 @@ class FlightMonitor:
             # from a status, since the first events may have waited for this reader
             self._first_status = seconds_from_stamp(message.stamp), now
         self.summary.add_status(
-            Status(
+            GuidanceSample(
                 time=seconds_from_stamp(message.stamp),
                 cycle=message.cycle,
                 converged=message.converged,

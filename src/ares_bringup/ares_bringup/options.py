@@ -3,11 +3,12 @@
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ares_guidance.law import LawKind
@@ -31,6 +32,15 @@ class CannotStart(Exception):
     """Report in one line why a request cannot start; "" if a node has printed the reason."""
 
 
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Convert errors of values that were given to CannotStart, in one line."""
+    try:
+        yield
+    except ValueError as error:
+        raise CannotStart(" ".join(str(error).split())) from error
+
+
 def self_starting(guidance: str) -> "LawKind":
     """Return a guidance law that needs no trajectory of the optimizer's node.
 
@@ -47,21 +57,6 @@ def self_starting(guidance: str) -> "LawKind":
             f"one of {', '.join(self_starting_laws())}"
         )
     return law
-
-
-class HeatingSource(StrEnum):
-    """Name the sources of a heating jettison's time, as in parameter `heating_source`."""
-
-    MEASURED = "measured"
-    MODEL = "model"
-
-
-class InitialGuess(StrEnum):
-    """Name the sources of the guidance law's initial guess, as in parameter `initial_guess`."""
-
-    NONE = "none"
-    OPTIMIZER = "optimizer"
-    ANALYTIC = "analytic"
 
 
 class Maximize(StrEnum):
@@ -85,14 +80,14 @@ class PositionIntegral(StrEnum):
     QUADRATIC = "quadratic"
 
 
-class JettisonTarget(StrEnum):
+class JettisonTargetSource(StrEnum):
     """Name the sources of the jettison target of method `analytic`, as there."""
 
     MISSION = "mission"
     OPTIMIZER = "optimizer"
 
 
-class Heating(StrEnum):
+class HeatingPhase(StrEnum):
     """Name the phases in which the optimizer holds a heating limit, as `ares_optimizer.solve`."""
 
     AT_JETTISON = "at_jettison"
@@ -145,20 +140,10 @@ class FlyOptions:
         sealed: draw a key with which the nodes authenticate their messages.
         record: write a bag.
         bag: folder of the bag; None: a new name in the project's bags folder.
-        seed: seed of dispersions and navigation errors.
-        dispersions: name of shipped dispersions or path of a file; None: none, or those of a
-            campaign if a flight is given.
-        failure: in the format of `ares_models.failures.read_failure`; None: none.
+        settings: parameters of the nodes by name. Dispersions that are not given are none, or those
+            of a campaign if a flight is given; the optimizer's node joins for an initial guess.
         flight: number of a campaign's flight, stepped as there; None: flight 0 of the seed,
             stepped as a single flight.
-        pace: real-time factor; 0 flies as fast as guidance answers.
-        navigation_period_s: flight time between navigation states; None: the node's default.
-        cycle_period_s: flight time between guidance cycles; None: the node's default.
-        hold_time_s: time-to-go below which the steering is held; None: the node's default.
-        heating_source: source of the time of a heating jettison; None: the node's default.
-        initial_guess: source of the law's initial guess; the optimizer's node joins for its own.
-            Law peg_thesis replaces none by analytic.
-        attitude_rate_limit_deg_s: fastest turn of the thrust; 0: no limit.
         view: start the view node too.
         foxglove_port: port for Foxglove; starts the view node too; 0: none.
         domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one without another flight.
@@ -174,17 +159,8 @@ class FlyOptions:
     sealed: bool = False
     record: bool = True
     bag: Path | None = None
-    seed: int = 0
-    dispersions: str | None = None
-    failure: str | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
     flight: int | None = None
-    pace: float = 0.0
-    navigation_period_s: float | None = None
-    cycle_period_s: float | None = None
-    hold_time_s: float | None = None
-    heating_source: HeatingSource | None = None
-    initial_guess: InitialGuess = InitialGuess.NONE
-    attitude_rate_limit_deg_s: float = 0.0
     view: bool = False
     foxglove_port: int = 0
     domain_id: int | None = None

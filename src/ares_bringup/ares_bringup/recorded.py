@@ -17,7 +17,7 @@ from ares_bags.repair import repair
 from ares_bags.writer import INCOMPLETE_KEY
 from ares_bringup.flown_mission import flown_mission
 from ares_bringup.options import CannotStart
-from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status, facts_of
+from ares_bringup.summary import Diagnostic, Event, FlightSummary, GuidanceSample, facts_of
 from ares_models.mission import Mission
 from ares_models.units import NANOSECONDS
 
@@ -191,9 +191,9 @@ def _events(columns: Columns) -> Iterator[Event]:
         )
 
 
-def _statuses(columns: Columns) -> Iterator[Status]:
+def _statuses(columns: Columns) -> Iterator[GuidanceSample]:
     for i in range(len(columns["time"])):
-        yield Status(
+        yield GuidanceSample(
             time=float(columns["time"][i]),
             cycle=int(columns["cycle"][i]),
             converged=bool(columns["converged"][i]),

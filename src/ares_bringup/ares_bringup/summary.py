@@ -183,7 +183,7 @@ class Diagnostic:
 
 
 @dataclass(frozen=True)
-class Status:
+class GuidanceSample:
     """Hold the fields of GuidanceStatus that the summary uses."""
 
     time: float
@@ -362,8 +362,8 @@ class FlightSummary:
     namespace: str = "/ares"
     foreign_messages: int = 0
     events: list[Event] = field(default_factory=list)
-    first_converged: Status | None = None
-    last_converged: Status | None = None
+    first_converged: GuidanceSample | None = None
+    last_converged: GuidanceSample | None = None
     guidance_cycles: int = 0
     seen_from_start: bool = False
     max_stale_cycles: int = 0
@@ -384,7 +384,7 @@ class FlightSummary:
         """Add an event."""
         self.events.append(event)
 
-    def add_status(self, status: Status) -> None:
+    def add_status(self, status: GuidanceSample) -> None:
         """Add a guidance status; count a gap in the cycle numbers as lost messages."""
         if not self.guidance_cycles:
             self.seen_from_start = status.cycle <= 1

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.report import BLANK, number, small
-from ares_bringup.summary import FlightSummary, Status, judgement
+from ares_bringup.summary import FlightSummary, GuidanceSample, judgement
 from ares_msgs.msg import VehicleState
 from ares_node.qos import LATEST, VEHICLE_STATE
 from ares_node.states import Unreadable, message_of
@@ -164,7 +164,7 @@ def _figures(summary: FlightSummary, state: VehicleState, now: float) -> Table:
 
 
 def _prediction(summary: FlightSummary) -> Table | Text:
-    status: Status | None = summary.last_converged
+    status: GuidanceSample | None = summary.last_converged
     if status is None:
         return Text("guidance has no solution yet", style="yellow")
     errors = judgement(summary.facts, status.predicted_position, status.predicted_velocity).errors

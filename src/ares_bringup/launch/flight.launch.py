@@ -35,12 +35,7 @@ from launch_ros.actions import Node
 from ares_bringup.audience import LIVE
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.discovery import check_protection, discovery_settings
-from ares_bringup.fly import (
-    absolute_namespace,
-    check_inputs,
-    needs_plan,
-    needs_trajectory,
-)
+from ares_bringup.fly import absolute_namespace, check_inputs, optimizer_values
 from ares_bringup.keeper import (
     GUIDANCE,
     JUDGE,
@@ -52,23 +47,18 @@ from ares_bringup.keeper import (
     Keeper,
 )
 from ares_bringup.launch_verdict import LaunchVerdict, end_launch_with, is_launched_itself
-from ares_bringup.options import (
-    MAX_RESTARTS,
-    PEG,
-    RESTARTS,
-    CannotStart,
-    FlyOptions,
-    domain_id,
-)
+from ares_bringup.options import CannotStart, FlyOptions, domain_id, refusals
+from ares_bringup.parameter_tables import LAUNCH, known, offered
 from ares_bringup.params_file import node_values
 from ares_bringup.rehearsal import rehearse
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
 from ares_node.names import own_frames, own_names
+from ares_node.parameters import Parameter
 from ares_node.parent import LAUNCHER
 
-SWITCH = ["true", "false"]
-LEVELS = ["debug", "info", "warn", "error", "fatal"]
+#: Nodes whose log lines may be stamped with flight time.
+STAMPED = (GUIDANCE, OPTIMIZER, VIEW, RECORDER)
 
 #: Default ROS domain; a flight uses it if no other flight does.
 DEFAULT_DOMAIN = 0
@@ -82,121 +72,42 @@ STOP_TIMEOUT = "20"
 
 
 def arguments() -> list[DeclareLaunchArgument]:
-    params = Path(get_package_share_directory("ares_bringup")) / "params" / "flight.yaml"
+    """Return the arguments; an empty one leaves its parameter to the parameter file."""
+    own = {row.name: (row, _text(row.default)) for row in LAUNCH}
+    own |= {name: (row, "") for name, row in offered().items()}
+    share = Path(get_package_share_directory("ares_bringup"))
+    own["params_file"] = own["params_file"][0], str(share / "params" / "flight.yaml")
     return [
         DeclareLaunchArgument(
-            "namespace", default_value="ares", description="Namespace of all nodes and topics."
-        ),
-        DeclareLaunchArgument(
-            "domain_id",
-            default_value="",
-            description="ROS domain; empty takes $ROS_DOMAIN_ID, else 0 if no other flight has "
-            "this namespace there, else one that is free.",
-        ),
-        DeclareLaunchArgument(
-            "params_file",
-            default_value=str(params),
-            description="Parameter file of the nodes.",
-        ),
-        DeclareLaunchArgument(
-            "use_sim_time",
-            default_value="false",
-            choices=SWITCH,
-            description="Guidance and recorder stamp their log lines with flight time. "
-            "Nothing else depends on it: the flight runs on the stamps of its messages.",
-        ),
-        DeclareLaunchArgument(
-            "mission",
-            default_value="",
-            description="Shipped mission's name, or absolute path of a mission file.",
-        ),
-        DeclareLaunchArgument("guidance", default_value="", description="Guidance law."),
-        DeclareLaunchArgument(
-            "initial_guess",
-            default_value="",
-            description="Where guidance starts: none, or optimizer or analytic, which start the "
-            "optimizer too and ask it.",
-        ),
-        DeclareLaunchArgument(
-            "pace",
-            default_value="",
-            description="Real-time factor; 0 flies as fast as guidance answers.",
-        ),
-        DeclareLaunchArgument(
-            "seed", default_value="", description="Seed of dispersions and navigation errors."
-        ),
-        DeclareLaunchArgument(
-            "dispersions",
-            default_value="",
-            description="Shipped dispersions' name, or absolute path of a file.",
-        ),
-        DeclareLaunchArgument(
-            "failure",
-            default_value="",
-            description="What fails in flight: KIND:KEY=VALUE,...; empty for nothing.",
-        ),
-        DeclareLaunchArgument(
-            "record", default_value="true", choices=SWITCH, description="Record a bag."
-        ),
-        DeclareLaunchArgument(
-            "bag",
-            default_value="",
-            description="Folder of the new bag; empty takes a new name in the folder of bags "
-            "($ARES_BAGS, or `bags` of the workspace).",
-        ),
-        DeclareLaunchArgument(
-            "view",
-            default_value="true",
-            choices=SWITCH,
-            description="Show the flight in standard messages too, for RViz and maps.",
-        ),
-        DeclareLaunchArgument(
-            "live",
-            default_value="false",
-            choices=SWITCH,
-            description="Serve a page that follows the flight; its address is printed.",
-        ),
-        DeclareLaunchArgument(
-            "foxglove_port",
-            default_value="",
-            description="Port of this machine where Foxglove and Lichtblick get what view shows; "
-            "0: none.",
-        ),
-        DeclareLaunchArgument(
-            "restarts",
-            default_value=str(RESTARTS),
-            description="How often guidance, optimizer and view are each restarted if they end in "
-            "flight.",
-        ),
-        DeclareLaunchArgument(
-            "exit_when_complete",
-            default_value="true",
-            choices=SWITCH,
-            description="End the processes of the flight when it is over.",
-        ),
-        DeclareLaunchArgument(
-            "log_level", default_value="info", choices=LEVELS, description="Log level of all nodes."
-        ),
+            name,
+            default_value=default,
+            description=row.text,
+            choices=_choices(row) if default else None,
+        )
+        for name, (row, default) in own.items()
     ]
 
 
-class Flight:
+def _text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _choices(row: Parameter) -> list[str] | None:
+    return ["true", "false"] if isinstance(row.default, bool) else list(row.choices) or None
+
+
+class LaunchedFlight:
     """Build the launch actions of a flight and react to the ends of its processes."""
 
     def __init__(self, context: LaunchContext) -> None:
-        self.given = {
+        #: Texts of all arguments by name.
+        self.texts = {
             name: LaunchConfiguration(name).perform(context)
-            for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
-            + ("failure", "foxglove_port", "bag", "namespace", "domain_id", "params_file")
-            + ("log_level", "restarts")
-        }
-        self.switches = {
-            name: LaunchConfiguration(name).perform(context) == "true"
-            for name in ("use_sim_time", "record", "view", "live", "exit_when_complete")
+            for name in (*(row.name for row in LAUNCH), *offered())
         }
         #: Namespace pushed by the file that includes this one.
         self.pushed_namespace = context.launch_configurations.get("ros_namespace", "")
-        self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
+        self.verdict = LaunchVerdict(self.texts["exit_when_complete"] == "true")
         self.nodes: dict[str, Node] = {}
 
     def start(self) -> list[Any]:
@@ -206,75 +117,54 @@ class Flight:
             CannotStart: an argument is invalid; one line.
         """
         check_protection()
-        values = self._values()
-        files = self.given["params_file"]
+        with refusals():
+            self.own = {row.name: row.parsed(self.texts[row.name]) for row in LAUNCH}
+            values = {
+                row.name: row.parsed(text)
+                for name, row in offered().items()
+                if (text := self.texts[name])
+            }
+        files = self.own["params_file"]
         try:
             flown = {**node_values(files, GUIDANCE), **node_values(files, SIMULATOR), **values}
         except (OSError, ValueError) as error:
             raise CannotStart(f"params_file: {error}") from error
-        record = self.switches["record"]
+        record = self.own["record"]
         mission = str(flown.get("mission", "ares_v"))
-        bag = values.get("bag") or str(new_bag(Path(mission).stem)) if record else ""
+        bag = self.own["bag"] or str(new_bag(Path(mission).stem)) if record else ""
         self.namespace = self._namespace()
         check_inputs(flown, bag)
         expected = rehearse(flown)
-        self.restarts = self._restarts()
-        self.verdict.keeper = Keeper(self.restarts)
+        self.verdict.keeper = Keeper(self.own["restarts"])
         self.environment = {
             **discovery_settings(),
             "ROS_DOMAIN_ID": str(self._domain()),
             LAUNCHER: str(os.getpid()),
         }
-        identity = {"flight_id": new_id()}
-        about = {name: flown[name] for name in ("mission", "law") if name in flown}
-        self._add(
-            "ares_vehicle_sim",
-            SIMULATOR,
-            _of(values, "mission", "pace", "seed", "dispersions", "failure"),
-            **identity,
-            exit_when_complete=False,
-            expected_recorders=int(record),
-            expected_judges=1,
-        )
-        self._add(
-            "ares_guidance",
-            GUIDANCE,
-            _of(values, "mission", "law", "initial_guess"),
-            **identity,
-            **self._clock(),
-        )
-        self._add(
-            "ares_bringup",
-            JUDGE,
-            about,
-            **identity,
-            bag=bag,
-            pace=float(flown.get("pace", 0.0)),
-            expected_recorders=int(record),
-        )
-        law = str(flown.get("law", PEG))
-        if (
-            flown.get("initial_guess", "none") != "none"
-            or needs_trajectory(law)
-            or needs_plan(str(flown.get("mission", "ares_v")))
-        ):
-            self._add("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())
-        if self.switches["view"]:
-            self._add(
-                "ares_view",
-                VIEW,
-                _of(values, "mission", "foxglove_port"),
-                **identity,
-                frame_prefix=own_frames(self.namespace),
-                **self._clock(),
-            )
-        if self.switches["live"]:
-            self._add("ares_view", LIVE, _of(values, "mission"), **identity, bag=bag)
+        flight_id = new_id()
+        values |= {
+            "flight_id": flight_id,
+            "exit_when_complete": False,
+            "expected_recorders": int(record),
+            "expected_judges": 1,
+            "frame_prefix": own_frames(self.namespace),
+            "bag": bag,
+        }
+        # as the flight has it, whoever the parameter file says it to
+        about = values | {x: flown[x] for x in ("mission", "law", "pace", "seed") if x in flown}
+        self._add("ares_vehicle_sim", SIMULATOR, values)
+        self._add("ares_guidance", GUIDANCE, values)
+        self._add("ares_bringup", JUDGE, about)
+        if optimizer_values(flown):
+            self._add("ares_optimizer", OPTIMIZER, values)
+        if self.own["view"]:
+            self._add("ares_view", VIEW, values)
+        if self.own["live"]:
+            self._add("ares_view", LIVE, values)
         if record:
-            about |= {"seed": flown["seed"]} if "seed" in flown else {}
-            self._add("ares_bags", RECORDER, about, **identity, bag=bag, **self._clock())
+            self._add("ares_bags", RECORDER, about)
         self.verdict.start(self.nodes)
-        self.name = f"flight {id_text(identity['flight_id'])}"
+        self.name = f"flight {id_text(flight_id)}"
         where = f"ROS_DOMAIN_ID={self.environment['ROS_DOMAIN_ID']} ros2 topic list"
         return [
             LogInfo(msg=f"{self.name}: {where}, namespace {self.namespace}"),
@@ -284,40 +174,15 @@ class Flight:
             *self.nodes.values(),
         ]
 
-    def _values(self) -> dict[str, Any]:
-        """Return the command-line arguments by parameter name."""
-        names = {"guidance": "law"}
-        values: dict[str, Any] = {
-            names.get(name, name): self.given[name]
-            for name in ("mission", "guidance", "initial_guess", "dispersions", "failure", "bag")
-            if self.given[name]
-        }
-        kinds = {"pace": ("a number", float), "seed": ("an integer", int)}
-        kinds["foxglove_port"] = kinds["seed"]
-        for name, (expected, kind) in kinds.items():
-            if self.given[name]:
-                try:
-                    values[name] = kind(self.given[name])
-                except ValueError as error:
-                    text = f"{name} is {self.given[name]!r}; expected {expected}"
-                    raise CannotStart(text) from error
-        return values
-
     def _namespace(self) -> str:
         """Return the namespace of all nodes, below a pushed one, as in launch_ros."""
-        given = self.given["namespace"]
+        given = self.own["namespace"]
         if not given.startswith("/") and self.pushed_namespace:
             given = f"{self.pushed_namespace.rstrip('/')}/{given}"
         return absolute_namespace(given)
 
-    def _restarts(self) -> int:
-        text = self.given["restarts"]
-        if not (text.isascii() and text.isdigit() and int(text) <= MAX_RESTARTS):
-            raise CannotStart(f"restarts is {text!r}; expected an integer from 0 to {MAX_RESTARTS}")
-        return int(text)
-
     def _domain(self) -> int:
-        text = self.given["domain_id"]
+        text = self.own["domain_id"]
         options = FlyOptions()
         if text:
             options = replace(options, domain_id=int(text) if text.isdigit() else -1)
@@ -327,10 +192,10 @@ class Flight:
             domain, _ = claim_domain(preferred=[DEFAULT_DOMAIN], namespace=self.namespace)
         return domain
 
-    def _clock(self) -> dict[str, bool]:
-        return {"use_sim_time": self.switches["use_sim_time"]}
-
-    def _add(self, package: str, name: str, values: dict[str, Any], **more: Any) -> None:
+    def _add(self, package: str, name: str, values: dict[str, Any]) -> None:
+        given = known(name, values)
+        if name in STAMPED:
+            given["use_sim_time"] = self.own["use_sim_time"]
         special: dict[str, Any] = {"sigterm_timeout": STOP_TIMEOUT}
         if name == JUDGE:
             special["output_format"] = "{line}"
@@ -338,14 +203,14 @@ class Flight:
             special |= {
                 "respawn": True,
                 "respawn_delay": RESTART_DELAY,
-                "respawn_max_retries": self.restarts,
+                "respawn_max_retries": self.own["restarts"],
             }
         self.nodes[name] = Node(
             package=package,
             executable=name,
             name=name,
             namespace=self.namespace,
-            parameters=[LaunchConfiguration("params_file"), {**values, **more}],
+            parameters=[LaunchConfiguration("params_file"), given],
             remappings=list(own_names(self.namespace).items()),
             arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
             additional_env=self.environment,
@@ -400,13 +265,9 @@ class Flight:
         return EmitEvent(event=ShutdownProcess(process_matcher=matches))
 
 
-def _of(values: dict[str, Any], *names: str) -> dict[str, Any]:
-    return {name: values[name] for name in names if name in values}
-
-
 def fly(context: LaunchContext) -> list[Any]:
     """Return the actions of the flight, or none after an error."""
-    flight = Flight(context)
+    flight = LaunchedFlight(context)
     if is_launched_itself(Path(__file__), sys.argv):
         end_launch_with(flight.verdict, context.asyncio_loop)
     try:

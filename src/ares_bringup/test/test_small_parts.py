@@ -18,7 +18,7 @@ import pytest
 from ares_bringup import fly
 from ares_bringup.discovery import PROFILE, PROFILE_3, PROFILE_VARIABLES, discovery_settings
 from ares_bringup.fly import law_that_flew, node_parameters
-from ares_bringup.options import CannotStart, FlyOptions, InitialGuess, domain_id
+from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
 from ares_bringup.summary import FlightSummary
 from ares_bringup.watch import Watch
@@ -191,4 +191,4 @@ def test_a_flight_that_the_optimizer_plans_needs_what_solves(monkeypatch):
     monkeypatch.setattr("ares_bringup.fly.unmet", lambda *asked: f"{asked}")
     assert set(node_parameters(FlyOptions(), None, 1)) == {"vehicle_sim", "guidance"}
     with pytest.raises(CannotStart, match=r"\('ares_optimizer', 'solve'\)"):
-        node_parameters(FlyOptions(initial_guess=InitialGuess.ANALYTIC), None, 1)
+        node_parameters(FlyOptions(settings={"initial_guess": "analytic"}), None, 1)

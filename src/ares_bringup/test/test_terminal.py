@@ -6,7 +6,7 @@ import io
 import pytest
 
 from ares_bringup.report import WIDTH, console
-from ares_bringup.summary import Status
+from ares_bringup.summary import GuidanceSample
 from ares_bringup.terminal import picture
 from ares_guidance.arrays import LAW_PEG
 from ares_msgs.msg import VehicleState
@@ -29,7 +29,7 @@ def shown(summary, *, rate=2.0, silent=0.1, time_s=200.0):
 def test_where_it_is_and_what_guidance_makes_of_it(facts):
     summary = flown(facts)
     position, velocity = state(radius=RADIUS + 0.25, speed=SPEED - 0.5)
-    summary.add_status(Status(195.0, 195, True, 8, 0, LAW_PEG, 400.0, position, velocity))
+    summary.add_status(GuidanceSample(195.0, 195, True, 8, 0, LAW_PEG, 400.0, position, velocity))
     text = shown(summary)
     assert max(map(len, text.splitlines())) <= WIDTH
     figures = {name: text.splitlines()[2].split()[k] for k, name in enumerate("hvmgs")}

@@ -32,11 +32,17 @@ from ares_models.plans import coasts_long, leaves_arcs_free, needs_plan
 
 
 def _setting(
-    default: Any, text: str, unit: str = "", minimum: float = 0.0, maximum: float = math.inf
+    default: Any, description: str, unit: str, minimum: float, maximum: float, option: str = ""
 ) -> Any:
     return field(
         default=default,
-        metadata={"text": text, "unit": unit, "minimum": minimum, "maximum": maximum},
+        metadata={
+            "description": description,
+            "unit": unit,
+            "minimum": minimum,
+            "maximum": maximum,
+            "option": option,
+        },
     )
 
 
@@ -44,13 +50,16 @@ def _setting(
 class LawSettings:
     """Hold the cycle and the gates of a law; a gate accepts or refuses a solution."""
 
-    cycle_period_s: float = _setting(1.0, "Flight time between guidance cycles.", "s", 0.001, 100.0)
+    cycle_period_s: float = _setting(
+        1.0, "Flight time between guidance cycles.", "s", 0.001, 100.0, "cycle_period"
+    )
     hold_time_s: float = _setting(
         10.0,
         "Time to go from which the steering is held and only the cut-off is refined.",
         "s",
         0.0,
         120.0,
+        "hold_time",
     )
     velocity_to_go_tolerance_m_s: float = _setting(
         1.0, "Converged when an iteration changes velocity-to-go by less.", "m/s", 1e-9, 100.0

@@ -86,14 +86,27 @@ MONITOR_TEXTS = {
 }
 
 PARAMETERS = (
-    Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
-    Parameter("law", "peg", "Guidance law.", choices=tuple(law_names())),
+    Parameter(
+        "mission",
+        "ares_v",
+        "Shipped mission's name, or path of a mission file.",
+        option="mission",
+    ),
+    Parameter(
+        "law",
+        "peg",
+        "Guidance law.",
+        choices=tuple(law_names()),
+        option="guidance",
+        registered=True,
+    ),
     FLIGHT_ID,
     Parameter(
         "heating_source",
         "measured",
         "What times the jettison: the measured heating, or the on-board atmosphere alone.",
         choices=tuple(HEATING_SOURCES),
+        option="heating_source",
     ),
     Parameter(
         "initial_guess",
@@ -103,6 +116,7 @@ PARAMETERS = (
         "peg_thesis starts from no less than analytic; a law that needs a plan of a mission's "
         "free arcs from optimizer.",
         choices=("none", "optimizer", ANALYTIC),
+        option="initial_guess",
     ),
     Parameter(
         "optimizer_timeout_s",
@@ -125,10 +139,7 @@ PARAMETERS = (
     Parameter(
         item.name,
         item.default,
-        item.metadata["text"],
-        unit=item.metadata["unit"],
-        minimum=item.metadata["minimum"],
-        maximum=item.metadata["maximum"],
+        **item.metadata,
     )
     for item in fields(LawSettings)
     if item.metadata

@@ -42,7 +42,7 @@ class End(StrEnum):
         return list(End).index(self)
 
 
-class Figure(NamedTuple):
+class JudgedQuantity(NamedTuple):
     """Describe a quantity that a target may constrain.
 
     Attributes:
@@ -72,18 +72,18 @@ class Figure(NamedTuple):
 
 _SUFFIXES = {"m": "_m", "m/s": "_m_s", "deg": "_deg", "1": "", "m2/s2": "_m2_s2"}
 FIGURES = (
-    Figure("radius", layout.NAMES_RADIUS, "m"),
-    Figure("speed", layout.NAMES_SPEED, "m/s"),
-    Figure("flight_path_angle", layout.NAMES_FLIGHT_PATH_ANGLE, "deg"),
-    Figure("inclination", layout.NAMES_INCLINATION, "deg"),
-    Figure("ascending_node", layout.NAMES_ASCENDING_NODE, "deg"),
-    Figure("argument_of_perigee", layout.NAMES_ARGUMENT_OF_PERIGEE, "deg"),
-    Figure("perigee_radius", layout.NAMES_PERIGEE, "m"),
-    Figure("apogee_radius", layout.NAMES_APOGEE, "m"),
-    Figure("semi_major_axis", layout.NAMES_SEMI_MAJOR_AXIS, "m"),
-    Figure("eccentricity", layout.NAMES_ECCENTRICITY, "1"),
-    Figure("c3", layout.NAMES_C3, "m2/s2"),
-    Figure("true_anomaly", layout.NAMES_TRUE_ANOMALY, "deg"),
+    JudgedQuantity("radius", layout.NAMES_RADIUS, "m"),
+    JudgedQuantity("speed", layout.NAMES_SPEED, "m/s"),
+    JudgedQuantity("flight_path_angle", layout.NAMES_FLIGHT_PATH_ANGLE, "deg"),
+    JudgedQuantity("inclination", layout.NAMES_INCLINATION, "deg"),
+    JudgedQuantity("ascending_node", layout.NAMES_ASCENDING_NODE, "deg"),
+    JudgedQuantity("argument_of_perigee", layout.NAMES_ARGUMENT_OF_PERIGEE, "deg"),
+    JudgedQuantity("perigee_radius", layout.NAMES_PERIGEE, "m"),
+    JudgedQuantity("apogee_radius", layout.NAMES_APOGEE, "m"),
+    JudgedQuantity("semi_major_axis", layout.NAMES_SEMI_MAJOR_AXIS, "m"),
+    JudgedQuantity("eccentricity", layout.NAMES_ECCENTRICITY, "1"),
+    JudgedQuantity("c3", layout.NAMES_C3, "m2/s2"),
+    JudgedQuantity("true_anomaly", layout.NAMES_TRUE_ANOMALY, "deg"),
 )
 
 

@@ -16,9 +16,10 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from ares_node.declaration import declare_parameters, read_parameters
 from ares_node.diagnostics import Diagnostics, Level, folded
 from ares_node.heartbeat import Heartbeat
-from ares_node.parameters import Parameter, declare_parameters, read_parameters
+from ares_node.parameters import Parameter
 from ares_node.qos import NAMESPACE
 from ares_node.states import Unreadable
 

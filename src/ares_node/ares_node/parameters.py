@@ -1,20 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a node from a table, declared with descriptors and checked at the start."""
+"""Define the rows of a node's parameter table; check their values. No ROS."""
 
 import math
-from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
-
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
-from rclpy.exceptions import ParameterException
-from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
 
 _TYPE_NAMES = {
     bool: "true or false",
@@ -46,6 +36,8 @@ class Parameter:
         read_only: fixed at construction of the node; others are read by `configure`.
         at_any_time: may also be set on a configured node, with immediate effect.
         may_be_nan: NaN is allowed and means "not given".
+        option: name of its option of `ares fly` and its launch argument; "": none.
+        registered: the choices are what installed packages register.
     """
 
     name: str
@@ -58,6 +50,13 @@ class Parameter:
     read_only: bool = False
     at_any_time: bool = False
     may_be_nan: bool = False
+    option: str = ""
+    registered: bool = False
+
+    @property
+    def text(self) -> str:
+        """Return the description with the unit."""
+        return self.description + (f" [{self.unit}]" if self.unit else "")
 
     @property
     def expected(self) -> str:
@@ -99,82 +98,17 @@ class Parameter:
             raise ParameterError(f"parameter {self.name} is {value!r}; expected {self.expected}")
         return value
 
-    def descriptor(self) -> ParameterDescriptor:
-        """Build the descriptor for `ros2 param describe`."""
-        unit = f" [{self.unit}]" if self.unit else ""
-        descriptor = ParameterDescriptor(
-            description=self.description + unit,
-            additional_constraints=self.expected,
-            read_only=self.read_only,
-        )
-        bounded = self.minimum is not None or self.maximum is not None
-        if bounded and type(self.default) is float:
-            lowest = -math.inf if self.minimum is None else float(self.minimum)
-            highest = math.inf if self.maximum is None else float(self.maximum)
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=lowest, to_value=highest, step=0.0)
-            ]
-        elif bounded and type(self.default) is int:
-            lowest_int = -(2**63) if self.minimum is None else int(self.minimum)
-            highest_int = 2**63 - 1 if self.maximum is None else int(self.maximum)
-            descriptor.integer_range = [
-                IntegerRange(from_value=lowest_int, to_value=highest_int, step=0)
-            ]
-        return descriptor
+    def parsed(self, text: str) -> Any:
+        """Convert the text of a launch argument and check it.
 
-
-def declare_parameters(
-    node: Node, table: Sequence[Parameter], refusal: Callable[[Parameter], str | None]
-) -> dict[str, Any]:
-    """Declare a node's whole table and return the values in force.
-
-    A given parameter that is not in the table is refused: a misspelt name would otherwise use the
-    default silently.
-
-    Args:
-        node: the node, after its own constructor.
-        table: all parameters of the node; call this once per node.
-        refusal: returns the reason why a parameter may not be set now, one line, or None.
-
-    Raises:
-        ParameterError: an unknown name, a wrong type or a value out of range.
-    """
-    overrides = node._parameter_overrides  # rclpy has no public access to given values
-    for row in table:
-        value = row.default
-        if row.name in overrides:
-            value = row.checked(overrides[row.name].value)
-            ros_value = list(value) if isinstance(value, tuple) else value
-            overrides[row.name] = RosParameter(row.name, value=ros_value)
-        default = list(row.default) if isinstance(row.default, tuple) else row.default
-        try:
-            node.declare_parameter(row.name, default, row.descriptor())
-        except ParameterException as error:
-            raise ParameterError(str(error)) from error
-    unknown = sorted(name for name in overrides if not node.has_parameter(name))
-    if unknown:
-        known = ", ".join(sorted(row.name for row in table))
-        raise ParameterError(f"parameter {unknown[0]} is not known; expected one of {known}")
-
-    rows = {row.name: row for row in table}
-
-    def check(parameters: list[RosParameter]) -> SetParametersResult:
-        for parameter in parameters:
-            if parameter.name in rows:
-                reason = refusal(rows[parameter.name])
-                if reason is not None:
-                    text = f"parameter {parameter.name} cannot be set: {reason}"
-                    return SetParametersResult(successful=False, reason=text)
-                try:
-                    rows[parameter.name].checked(parameter.value)
-                except ParameterError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    node.add_on_set_parameters_callback(check)
-    return read_parameters(node, table)
-
-
-def read_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
-    """Read the present values of a node's declared parameters, by name."""
-    return {row.name: row.checked(node.get_parameter(row.name).value) for row in table}
+        Raises:
+            ParameterError: as `checked`.
+        """
+        value: Any = text
+        kind = type(self.default)
+        if kind is bool:
+            value = {"true": True, "false": False}.get(text, text)
+        elif kind in (int, float):
+            with suppress(ValueError):
+                value = kind(text)
+        return self.checked(value)

@@ -149,7 +149,7 @@ class MissionCache:
         return found
 
 
-class Answers:
+class RequestServer:
     """Answer requests, one after the other."""
 
     def __init__(self, mission: str, method: str, time_limit_s: float) -> None:

@@ -16,7 +16,7 @@ from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import OPTIMIZE_TRAJECTORY, SOLVE_TRAJECTORY
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.messages import LONGEST, Answers, Response, empty, feedback, refuse
+from ares_optimizer.messages import LONGEST, RequestServer, Response, empty, feedback, refuse
 from ares_optimizer.registry import method_names
 from ares_optimizer.worker import Job, Worker
 
@@ -31,7 +31,13 @@ LAST_SEARCH = 1.0
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
-    Parameter("method", "auto", "Method of a request that names none.", choices=method_names()),
+    Parameter(
+        "method",
+        "auto",
+        "Method of a request that names none.",
+        choices=method_names(),
+        registered=True,
+    ),
     Parameter(
         "time_limit_s",
         5.0,
@@ -68,7 +74,7 @@ class OptimizerNode(FlightNode):
         """Solve the default mission once, to compile the solver; create the action."""
         values = self.values
         self.abandon()
-        self._answers = Answers(values["mission"], values["method"], values["time_limit_s"])
+        self._answers = RequestServer(values["mission"], values["method"], values["time_limit_s"])
         self._worker = Worker(self._solve)
         self._goals: dict[bytes, Job] = {}
         self._action = ActionServer(

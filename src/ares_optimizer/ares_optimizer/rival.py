@@ -19,7 +19,7 @@ from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import Vector, cross, dot, load, norm, sub
 from ares_optimizer.direct.free_arcs import reach_without
-from ares_optimizer.direct.search import Found, find_direct, steering_laws
+from ares_optimizer.direct.search import SearchResult, find_direct, steering_laws
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
 from ares_optimizer.plan import (
@@ -61,7 +61,7 @@ class Rival:
         found: outcome of the direct method.
     """
 
-    found: Found
+    found: SearchResult
 
     def is_better_than(self, solution: Solution) -> bool:
         """Return true if it cuts off earlier than a solution."""

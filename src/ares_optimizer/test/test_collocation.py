@@ -17,13 +17,13 @@ from ares_models.orbits import Elements
 from ares_optimizer import auto
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
-from ares_optimizer.collocation.pilot import Trial
-from ares_optimizer.collocation.points import Found, times_of
+from ares_optimizer.collocation.pilot import TrialFlight
+from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
-from ares_optimizer.collocation.solver import Point
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor
@@ -68,13 +68,13 @@ def start_of(mission: Mission) -> np.ndarray:
     return mission.start().navigation()
 
 
-def first_program(name: str, degree: int = 5) -> tuple[Transcription, np.ndarray]:
+def first_program(name: str, degree: int = 5) -> tuple[CollocationProgram, np.ndarray]:
     """Return the program of a mission's first trial, and its guess."""
     mission = load_mission(name)
     arrays, start = mission.arrays(), start_of(mission)
     floors = floors_of(arrays, start)
     trial = next(trials(arrays, start, floors))
-    program = Transcription(arrays, start, trial.times, floors_on(floors, 0.0, trial), degree)
+    program = CollocationProgram(arrays, start, trial.times, floors_on(floors, 0.0, trial), degree)
     return program, guess_of(program, trial)
 
 
@@ -343,7 +343,7 @@ def test_a_trial_flies_by_its_constants_to_near_the_target() -> None:
     assert trial.track[-1, rollout.TIME] == pytest.approx(trial.times.cutoff)
 
 
-def first_trial(name: str) -> tuple[MissionArrays, Trial]:
+def first_trial(name: str) -> tuple[MissionArrays, TrialFlight]:
     mission = load_mission(LAUNCHERS / f"{name}.yaml")
     arrays, start = mission.arrays(), start_of(mission)
     return arrays, next(trials(arrays, start, floors_of(arrays, start)))
@@ -386,8 +386,10 @@ def test_a_burn_that_would_go_through_the_ground_is_no_optimum_till_its_floor_is
 
 def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
-    point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
-    found = Found(program, point, 11_722.0)
+    point = StoppingPoint(
+        guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False
+    )
+    found = FoundOptimum(program, point, 11_722.0)
     optimum = LocalOptimum(found, np.array([300.0, 900.0]))
     assert optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
     assert not optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 3_000.0]))
@@ -397,24 +399,24 @@ def test_solutions_are_one_where_mass_and_arcs_are() -> None:
 def test_an_event_that_has_run_into_another_is_moved_beyond_it() -> None:
     arrays, trial = first_trial("f9_escape")
     mission = load_mission(LAUNCHERS / "f9_escape.yaml")
-    program = Transcription(arrays, start_of(mission), trial.times)
+    program = CollocationProgram(arrays, start_of(mission), trial.times)
     x = guess_of(program, trial)
     phases = program.arc_phases[3]
     assert len(phases) == 3  # full thrust, throttled, at the least throttle
     x[program.lengths[phases[-1]]] = 0.0
-    point = Point(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
+    point = StoppingPoint(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
     ended = times_of(program, x).cutoff
-    moved = list(moved_events(Found(program, point, 8_502.0)))
+    moved = list(moved_events(FoundOptimum(program, point, 8_502.0)))
     assert [times.cutoff - ended for times in moved] == pytest.approx([-1.0, -0.1])
-    again = Transcription(arrays, start_of(mission), moved[0])
+    again = CollocationProgram(arrays, start_of(mission), moved[0])
     assert len(again.arc_phases[3]) == 2
 
 
 def test_times_that_make_no_flight_are_refused() -> None:
     mission = load_mission("ares_v")
     with pytest.raises(ValueError, match="no flight is possible"):
-        Transcription(
-            mission.arrays(), start_of(mission), Times(np.zeros(0), 100.0, np.array([50.0]))
+        CollocationProgram(
+            mission.arrays(), start_of(mission), FreeTimes(np.zeros(0), 100.0, np.array([50.0]))
         )
 
 

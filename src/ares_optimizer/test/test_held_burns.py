@@ -92,7 +92,7 @@ TAIL = (
 )
 
 
-class TestJacobian:
+class TestHeldJacobian:
     """Compare with five-point differences."""
 
     def check(self, flight, name, solved, longer=1.5):
@@ -211,7 +211,7 @@ class TestSameOptimum:
         assert direct.m_f_kg == pytest.approx(solution.m_f_kg, abs=2e-3)
 
 
-class TestProof:
+class TestHeldProof:
     @pytest.mark.parametrize("name", [MIDDLE, KICK])
     def test_flown_again(self, solved, name):
         """Verify the target, one direction throughout the burn, and that it is optimal."""

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Profile:
+class FlightHistory:
     """Hold the columns of one flight, shape (n,) each.
 
     Attributes:
@@ -57,7 +57,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class History(Profile):
+class History(FlightHistory):
     """Hold a flown closed-loop flight.
 
     Attributes:
@@ -103,7 +103,7 @@ def _columns(arrays: MissionArrays, position: Array, velocity: Array) -> dict[st
     }
 
 
-def profile_of(mission: Mission, solution: Solution) -> Profile:
+def profile_of(mission: Mission, solution: Solution) -> FlightHistory:
     """Tabulate an optimal ascent.
 
     Args:
@@ -117,7 +117,7 @@ def profile_of(mission: Mission, solution: Solution) -> Profile:
     if track is None:
         raise ValueError(f"{solution.method} has no trajectory: {solution.reason}")
     arrays = mission.arrays()
-    return Profile(
+    return FlightHistory(
         time_s=track.time_s,
         mass_kg=track.mass,
         thrust_n=track.thrust,

@@ -38,7 +38,7 @@ from ares_studies.montecarlo.reach import reaches
 from ares_studies.montecarlo.report import drawn_name, make_report, perigee_apogee, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
 from ares_studies.montecarlo.store import GROUP, Store, StoreError
-from ares_studies.montecarlo.table import Outcome, make_table
+from ares_studies.montecarlo.table import Verdict, make_table
 from ares_studies.montecarlo.ways import make_ways, sampled
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions
@@ -103,7 +103,7 @@ def test_standard_dispersions_all_arrive(hundred):
     assert hundred.num_rows == 100
     for name in ("terminal_accuracy", "fairing_off", "heating_kept", "succeeded"):
         assert all(hundred[name].to_pylist()), name
-    assert set(hundred["outcome"].to_pylist()) == {Outcome.SUCCESS}
+    assert set(hundred["outcome"].to_pylist()) == {Verdict.SUCCESS}
     assert hundred["failure"].null_count == 100
     assert np.max(hundred["heating_at_jettison_w_m2"].to_numpy()) <= 1135.0
 
@@ -123,7 +123,7 @@ def test_a_campaign_to_elements_is_judged_and_told():
     assert abs(row["apogee_radius_error_m"]) < 5e3
     assert row["c3_error_m2_s2"] is None
     lost = only_flight(mission, navigation={"velocity_bias_m_s": constant(5.0)})
-    assert lost["outcome"] == Outcome.TARGET_MISSED
+    assert lost["outcome"] == Verdict.TARGET_MISSED
     assert "radius by" not in lost["failure"].replace("perigee radius", "").replace(
         "apogee radius", ""
     )
@@ -145,19 +145,19 @@ def constant(value):
 @pytest.mark.parametrize(
     ("given", "outcome", "words"),
     [
-        ({"thrust": constant(-0.5)}, Outcome.IMPACT, "met the ground at"),
+        ({"thrust": constant(-0.5)}, Verdict.IMPACT, "met the ground at"),
         (
             {"navigation": {"position_bias_m": constant(1000.0)}},
-            Outcome.TARGET_MISSED,
+            Verdict.TARGET_MISSED,
             (
                 "target missed: radius by +841 m, flight path angle by +0.0013 deg, "
                 "inclination by -0.012 deg"
             ),
         ),
-        ({"log_density": constant(5.0)}, Outcome.FAIRING_ON, "payload fairing on at cut-off"),
+        ({"log_density": constant(5.0)}, Verdict.FAIRING_ON, "payload fairing on at cut-off"),
         (
             {"jettison_limit": constant(-0.1)},
-            Outcome.HEATING_EXCEEDED,
+            Verdict.HEATING_EXCEEDED,
             "heating at jettison 1134.9 W/m2, limit 1021.5",
         ),
     ],
@@ -167,11 +167,11 @@ def test_each_failure_has_its_reason(ares_v, given, outcome, words):
     assert row["outcome"] == outcome, row["failure"]
     assert words in row["failure"]
     assert not row["succeeded"]
-    assert row["terminal_accuracy"] == (outcome in (Outcome.FAIRING_ON, Outcome.HEATING_EXCEEDED))
-    assert row["fairing_off"] == (outcome in (Outcome.TARGET_MISSED, Outcome.HEATING_EXCEEDED))
+    assert row["terminal_accuracy"] == (outcome in (Verdict.FAIRING_ON, Verdict.HEATING_EXCEEDED))
+    assert row["fairing_off"] == (outcome in (Verdict.TARGET_MISSED, Verdict.HEATING_EXCEEDED))
     assert (row["t_plf_s"] is None) == (not row["fairing_off"])
     # nothing was dropped too early where nothing was dropped
-    assert row["heating_kept"] == (outcome in (Outcome.IMPACT, Outcome.FAIRING_ON))
+    assert row["heating_kept"] == (outcome in (Verdict.IMPACT, Verdict.FAIRING_ON))
 
 
 def test_depletion_has_its_reason(ares_v):
@@ -180,7 +180,7 @@ def test_depletion_has_its_reason(ares_v):
     row = only_flight(
         ares_v.model_copy(update={"stages": (core, scarce)}), stage_mass=[0.0, constant(0.02)]
     )
-    assert row["outcome"] == Outcome.DEPLETION
+    assert row["outcome"] == Verdict.DEPLETION
     assert row["failure"].startswith("propellant gone at 774.2 s, before cut-off; target missed: ")
     assert row["t_meco_s"] is None
     assert row["propellant_used_kg"] == pytest.approx(130_000.0)
@@ -399,7 +399,7 @@ def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
 def test_a_chunk_that_no_worker_brings_home_is_logged(standard):
     table = engines.lost(standard, (5, 3), RuntimeError("all\nworkers gone"))
     assert table["flight"].to_pylist() == [5, 6, 7]
-    assert set(table["outcome"].to_pylist()) == {Outcome.ERROR}
+    assert set(table["outcome"].to_pylist()) == {Verdict.ERROR}
     assert set(table["failure"].to_pylist()) == {"RuntimeError: all workers gone"}
 
 

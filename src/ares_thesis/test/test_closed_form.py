@@ -56,7 +56,7 @@ def test_thrust_integrals(rule, order):
     assert order - 0.7 < math.log2(error(200.0) / error(100.0)) < order + 1.2
 
 
-class TestErrors:
+class TestErrorOrder:
     """Check the order of the error in the arc length: first without correction, second with it."""
 
     def rows(self, ares, root, **choice):

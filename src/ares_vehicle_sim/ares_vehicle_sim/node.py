@@ -79,7 +79,12 @@ LOST_LINK_PERIOD = 0.001
 REPORT_PERIOD = 10.0
 
 PARAMETERS = (
-    Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
+    Parameter(
+        "mission",
+        "ares_v",
+        "Shipped mission's name, or path of a mission file.",
+        option="mission",
+    ),
     Parameter(
         "navigation_period_s",
         0.1,
@@ -87,6 +92,7 @@ PARAMETERS = (
         unit="s",
         minimum=0.001,
         maximum=10.0,
+        option="nav_period",
     ),
     Parameter(
         "pace",
@@ -95,8 +101,9 @@ PARAMETERS = (
         minimum=0.0,
         maximum=1e6,
         at_any_time=True,
+        option="pace",
     ),
-    Parameter("paused", False, "Fly on when it is false again.", at_any_time=True),
+    Parameter("paused", False, "Hold the flight while it is true.", at_any_time=True),
     Parameter(
         "integration_step_s",
         0.1,
@@ -105,7 +112,14 @@ PARAMETERS = (
         minimum=0.001,
         maximum=10.0,
     ),
-    Parameter("seed", 0, "Seed of dispersions and navigation errors.", minimum=0),
+    Parameter(
+        "seed",
+        0,
+        "Seed of dispersions and navigation errors.",
+        minimum=0,
+        maximum=2**63 - 1,
+        option="seed",
+    ),
     Parameter(
         "flight", 0, "Number of the flight among those of the seed.", minimum=0, maximum=99_999_999
     ),
@@ -113,12 +127,14 @@ PARAMETERS = (
         "dispersions",
         "",
         "Shipped dispersions' name, or path of a file; empty flies the mission exactly.",
+        option="dispersions",
     ),
     Parameter(
         "failure",
         "",
         "What fails, as KIND:KEY=NUMBER,... such as engine_out:time=200,thrust_ratio=0.8; empty: "
-        "nothing does.",
+        "nothing does. See docs/aborts.md.",
+        option="failure",
     ),
     Parameter(
         "attitude_rate_limit_deg_s",
@@ -126,6 +142,7 @@ PARAMETERS = (
         "Fastest turn of the thrust; 0 lets it follow the command at once.",
         unit="deg/s",
         minimum=0.0,
+        option="attitude_rate_limit",
     ),
     Parameter(
         "command_timeout_s",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, STATUS_FIELDS, Rows, Seen, Story
+from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, STATUS_FIELDS, RowSeries, Seen, Story
 
 MISSION = load_mission("ares_v")
 
@@ -48,7 +48,7 @@ def story():
 
 
 def test_rows_are_thinned_and_the_last_one_stays():
-    rows = Rows(most=8)
+    rows = RowSeries(most=8)
     for k in range(101):
         rows.add([float(k)])
         assert numbers(rows)[-1] == k
@@ -59,7 +59,7 @@ def test_rows_are_thinned_and_the_last_one_stays():
 
 def test_a_page_that_thins_as_the_server_does_has_the_same_rows():
     """Thin the rows received as live.js does."""
-    rows, page, seen = Rows(most=10), [], 0
+    rows, page, seen = RowSeries(most=10), [], 0
     for k in range(300):
         rows.add([float(k)])
         if k % 7 == 0:

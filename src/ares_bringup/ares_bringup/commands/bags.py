@@ -13,7 +13,7 @@ from rich.text import Text
 from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
-from ares_bags.verify import Verification, verify
+from ares_bags.verify import BagVerification, verify
 from ares_bags.writer import INCOMPLETE_KEY
 from ares_bringup.commands.interrupts import note_written
 from ares_bringup.flown_mission import flown_mission
@@ -91,11 +91,11 @@ def _short(entry: object) -> object:
     return f"({lines:,} lines)" if lines else entry
 
 
-def _status(found: Verification) -> int:
+def _status(found: BagVerification) -> int:
     return EXIT_DAMAGED if found.findings else 0
 
 
-def _print_damage(found: Verification) -> None:
+def _print_damage(found: BagVerification) -> None:
     for finding in found.findings:
         print(f"damaged: {finding}")
     if found.lost:
@@ -143,7 +143,7 @@ def _incomplete(path: Path) -> str | None:
         return None
 
 
-def _verification(found: Verification) -> dict[str, object]:
+def _verification(found: BagVerification) -> dict[str, object]:
     return {
         "file": str(found.file.absolute()),
         "whole": not found.findings,

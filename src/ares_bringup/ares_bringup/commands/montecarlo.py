@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -20,7 +20,8 @@ from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.commands.interrupts import note_written, report_interrupt
-from ares_bringup.options import CannotStart, HeatingSource, self_starting
+from ares_bringup.options import CannotStart, self_starting
+from ares_bringup.parameter_tables import offered
 from ares_bringup.progress import bar
 from ares_bringup.rehearsal import rehearse
 from ares_bringup.report import console, number, shown_path
@@ -65,9 +66,7 @@ class CampaignOptions:
         as_json: print one JSON object instead of tables.
         workers: threads; None: one per core.
         scheduler: address of a Dask scheduler; None: this machine.
-        cycle_period_s: between guidance cycles; None: the law's default.
-        hold_time_s: time-to-go below which the steering is held; None: the law's default.
-        heating_source: source of the time of a heating jettison; None: the law's default.
+        law_settings: of `LawSettings` by name, as far as given.
         success_width: stop when the interval of the success rate is narrower.
         mass_width_kg: stop when the interval of the mean final mass is narrower.
     """
@@ -82,9 +81,7 @@ class CampaignOptions:
     as_json: bool = False
     workers: int | None = None
     scheduler: str | None = None
-    cycle_period_s: float | None = None
-    hold_time_s: float | None = None
-    heating_source: str | None = None
+    law_settings: Mapping[str, Any] = field(default_factory=dict)
     success_width: float | None = None
     mass_width_kg: float | None = None
 
@@ -94,15 +91,11 @@ class CampaignOptions:
         Raises:
             CannotStart: mission, dispersions, law or a setting is invalid; one line.
         """
-        given: dict[str, Any] = {
-            "cycle_period_s": self.cycle_period_s,
-            "hold_time_s": self.hold_time_s,
-            "heating_source": self.heating_source,
-        }
+        given = dict(self.law_settings)
         try:
             self_starting(self.guidance)
             dispersions = load_dispersions(self.dispersions)
-            if self.heating_source == HeatingSource.MODEL:
+            if given.get("heating_source") == "model":
                 given["heating_margin"] = dispersions.heating_margin()
             mission = load_mission(self.mission)
             if not mission.needs_plan:
@@ -115,7 +108,7 @@ class CampaignOptions:
                 dispersions=dispersions,
                 seed=self.seed,
                 law=self.guidance,
-                law_settings=LawSettings(**{k: v for k, v in given.items() if v is not None}),
+                law_settings=LawSettings(**given),
                 options=CAMPAIGN,
             )
         except ValueError as error:
@@ -125,12 +118,9 @@ class CampaignOptions:
         """Return an `ares` command with the same settings."""
         words = ["./ares", *verb, "--mission", self.mission, "--guidance", self.guidance]
         words += ["--dispersions", self.dispersions, "--seed", str(self.seed)]
-        for name in ("cycle_period", "hold_time"):
-            value = getattr(self, f"{name}_s")
-            if value is not None:
-                words += [f"--{name.replace('_', '-')}", str(value)]
-        if self.heating_source is not None:
-            words += ["--heating-source", self.heating_source]
+        for option, row in offered().items():
+            if row.name in self.law_settings:
+                words += [f"--{option.replace('_', '-')}", str(self.law_settings[row.name])]
         return join(words)
 
 

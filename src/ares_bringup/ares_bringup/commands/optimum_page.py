@@ -32,10 +32,10 @@ from ares_models.mission import Mission
 from ares_models.software import software
 from ares_optimizer.solution import Solution
 from ares_studies.flight_page.budget import Budget
-from ares_studies.flight_page.data import Flight, make_flight
+from ares_studies.flight_page.data import DrawnFlight, make_flight
 from ares_studies.flight_page.optimum import LAW, record_optimum
 from ares_studies.flight_page.page import Account, Happening, make_report, render
-from ares_studies.pages.parts import BLANK, Cell, Column, Guide, Row, Table, number, power, word
+from ares_studies.pages.parts import BLANK, Cell, Column, Guide, PageTable, Row, number, power, word
 
 COMMAND = "ares optimize"
 
@@ -93,7 +93,7 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
+def _account(mission: Mission, solution: Solution, flight: DrawnFlight) -> Account:
     events = _events(mission, solution, flight)
     numbers = (
         ("final mass", solution.m_f_kg, 2, "kg"),
@@ -135,7 +135,7 @@ def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
     return facts | proof_facts(solution)
 
 
-def constraint_table(mission: Mission, solution: Solution) -> Table:
+def constraint_table(mission: Mission, solution: Solution) -> PageTable:
     """Tabulate the constraints as found by the independent integration, and their multipliers."""
     rows = []
     for check in solution.constraints:
@@ -152,10 +152,10 @@ def constraint_table(mission: Mission, solution: Solution) -> Table:
         "Values by an independent integrator. A price is the final mass that a unit more of the "
         "limit brings."
     )
-    return Table(columns, tuple(rows), finding)
+    return PageTable(columns, tuple(rows), finding)
 
 
-def steering_table(mission: Mission, solution: Solution) -> Table:
+def steering_table(mission: Mission, solution: Solution) -> PageTable:
     """Tabulate the steering laws: in each, the thrust direction turns at a constant rate."""
     rows = []
     for arc in solution.arcs:
@@ -170,10 +170,10 @@ def steering_table(mission: Mission, solution: Solution) -> Table:
         )
         rows.append(Row(name, tuple(number(*figure) for figure in arc_figures(arc))))
     titles = ("from, s", "to, s", "mass, kg", "to, kg", "delta-V, m/s", "rate, deg/s")
-    return Table(tuple(Column(title) for title in titles), tuple(rows))
+    return PageTable(tuple(Column(title) for title in titles), tuple(rows))
 
 
-def _events(mission: Mission, solution: Solution, flight: Flight) -> tuple[Happening, ...]:
+def _events(mission: Mission, solution: Solution, flight: DrawnFlight) -> tuple[Happening, ...]:
     """List begin of each arc, jettisons and end, with the mass after each."""
     found = [(arc.start_s, f"begins: {mission.arc_names[arc.arc]}") for arc in solution.flown]
     found += [

@@ -32,7 +32,7 @@ from ares_studies.flight_page.page import (
     render,
 )
 from ares_studies.pages import parts
-from ares_studies.pages.parts import Cell, Column, Guide, Row, Table, small, word
+from ares_studies.pages.parts import Cell, Column, Guide, PageTable, Row, small, word
 from ares_studies.pages.templates import chosen_name
 
 PAGE = "report.html"
@@ -226,7 +226,7 @@ def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:
 # ---- tables
 
 
-def _insertion(summary: FlightSummary) -> Table | None:
+def _insertion(summary: FlightSummary) -> PageTable | None:
     """Tabulate error, tolerance, flown and target value of the judged quantities."""
     end = summary.end
     if end is None:
@@ -250,7 +250,7 @@ def _insertion(summary: FlightSummary) -> Table | None:
             )
         )
     columns = (Column("error"), Column("tolerance"), Column("flown"), Column("target"))
-    return Table(columns, tuple(rows), f"At {number(end.time, 3)} s, when the flight was over.")
+    return PageTable(columns, tuple(rows), f"At {number(end.time, 3)} s, when the flight was over.")
 
 
 def _tolerance(value: float) -> Cell:
@@ -284,7 +284,7 @@ _BUDGET = (
 )
 
 
-def budget_table(budget: Budget) -> Table:
+def budget_table(budget: Budget) -> PageTable:
     """Tabulate the delta-V budget: ideal minus all losses is the speed gained."""
     rows = [
         Row(f"{name}: {meaning}", (parts.number(getattr(budget, field), 2),))
@@ -298,7 +298,7 @@ def budget_table(budget: Budget) -> Table:
         "Ideal minus gravity, steering, drag and pressure is the speed gained, within "
         f"{parts.about(abs(budget.open_m_s))} m/s."
     )
-    return Table(columns, tuple(rows), finding)
+    return PageTable(columns, tuple(rows), finding)
 
 
 @dataclass(frozen=True)
@@ -332,7 +332,7 @@ def told_of(summary: FlightSummary, budget: Budget) -> Told:
     )
 
 
-def compare(names: Sequence[str], told: Sequence[Told]) -> Table:
+def compare(names: Sequence[str], told: Sequence[Told]) -> PageTable:
     """Tabulate flights side by side, with each number's difference from the first."""
     columns = tuple(Column(chosen_name(name)) for name in names)
     rows = [
@@ -350,7 +350,7 @@ def compare(names: Sequence[str], told: Sequence[Told]) -> Table:
         values = [getattr(one.budget, field) for one in told]
         if any(math.isfinite(value) and value for value in values):
             rows.append(_compared(f"delta-V, {name}, m/s", values, 2))
-    return Table(columns, tuple(rows), "In small letters: minus the first.")
+    return PageTable(columns, tuple(rows), "In small letters: minus the first.")
 
 
 def _compared(label: str, values: Sequence[float | None], decimals: int | None) -> Row:

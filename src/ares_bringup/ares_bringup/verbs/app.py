@@ -7,8 +7,10 @@ Imports of a single verb are made in that verb, so that the command line starts 
 import sys
 import time
 from collections.abc import Callable
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from typer.core import TyperGroup
@@ -18,12 +20,13 @@ from ares_bringup import __version__
 from ares_bringup.options import (
     MAX_PORT,
     CannotStart,
-    HeatingSource,
     LiveOptions,
     has_display,
 )
+from ares_bringup.parameter_tables import offered
 from ares_guidance.registry import law_names
 from ares_models.registry import registered
+from ares_node.parameters import Parameter as Row
 from ares_node.requirements import unmet
 
 #: Start of the command, s of time.monotonic().
@@ -78,13 +81,6 @@ TOLD_OF_A_TRAJECTORY = ("peg_thesis",)
 SELF_STARTING_HELP = LAWS_HELP.replace("".join(f", {name}" for name in TOLD_OF_A_TRAJECTORY), "")
 TablesOrJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
-]
-CyclePeriod = Annotated[float | None, typer.Option(help="Flight time between guidance cycles, s.")]
-HoldTime = Annotated[
-    float | None, typer.Option(help="Time to go from which the steering is held, s.")
-]
-HeatingSourceOption = Annotated[
-    HeatingSource | None, typer.Option(help="Source of the time of the fairing's jettison.")
 ]
 LiveHost = Annotated[
     str, typer.Option(help="Serve the page there; beyond this machine its address has a token.")
@@ -174,6 +170,46 @@ def _refusing(reason: str) -> Callable[[], None]:
         raise CannotStart(one_line(reason))
 
     return verb
+
+
+def with_settings(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a verb options for parameters of the nodes, in place of its `**settings`.
+
+    The verb gets those that were given, by parameter name.
+
+    Args:
+        names: of the options; none: all that the nodes offer and that the verb has not itself.
+    """
+    rows = offered()
+
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        own = [p for p in signature(verb).parameters.values() if p.kind is not p.VAR_KEYWORD]
+        taken = {p.name for p in own}
+        mine = {name: rows[name] for name in names or rows if name not in taken}
+
+        @wraps(verb)
+        def called(**given: Any) -> None:
+            chosen = {
+                row.name: value
+                for name, row in mine.items()
+                if (value := given.pop(name)) is not None
+            }
+            verb(**given, **chosen)
+
+        more = [
+            Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=_annotation(row))
+            for name, row in mine.items()
+        ]
+        called.__signature__ = Signature([*own, *more])  # type: ignore[attr-defined]
+        return called
+
+    return decorate
+
+
+def _annotation(row: Row) -> Any:
+    kind: Any = Literal[row.choices] if row.choices else type(row.default)
+    option = typer.Option(min=row.minimum, max=row.maximum, help=row.text)
+    return Annotated[kind | None, option]
 
 
 def needs(extra: str) -> None:

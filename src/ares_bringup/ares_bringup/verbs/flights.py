@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,11 +16,9 @@ from ares_bringup.options import (
     MAX_FLIGHTS,
     MAX_PORT,
     MAX_RESTARTS,
-    MAX_SEED,
     PEG,
     RESTARTS,
     FlyOptions,
-    InitialGuess,
 )
 from ares_bringup.verbs.app import (
     BEGUN,
@@ -28,9 +26,6 @@ from ares_bringup.verbs.app import (
     LAWS_HELP,
     LOOPBACK,
     BadInput,
-    CyclePeriod,
-    HeatingSourceOption,
-    HoldTime,
     LiveHost,
     LivePort,
     MissionOption,
@@ -40,6 +35,7 @@ from ares_bringup.verbs.app import (
     app,
     check_page,
     live_options,
+    with_settings,
 )
 
 if TYPE_CHECKING:
@@ -50,6 +46,7 @@ PACE_TO_WATCH = 10.0
 
 
 @app.command(epilog=EXIT_STATUSES)
+@with_settings()
 def fly(
     mission: MissionOption = "ares_v",
     guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
@@ -66,20 +63,6 @@ def fly(
         typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
     ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no bag.")] = False,
-    seed: Annotated[
-        int, typer.Option(min=0, max=MAX_SEED, help="Seed of dispersions and navigation errors.")
-    ] = 0,
-    dispersions: Annotated[
-        str | None,
-        typer.Option(help="Shipped dispersions' name, or path of a file; default: flown exactly."),
-    ] = None,
-    failure: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KIND[:KEY=NUMBER,...]",
-            help="What fails, such as engine_out:time=200,thrust_ratio=0.8; see docs/aborts.md.",
-        ),
-    ] = None,
     flight: Annotated[
         int | None,
         typer.Option(
@@ -88,32 +71,13 @@ def fly(
             help="Number of a campaign's flight: fly it again, stepped as there.",
         ),
     ] = None,
-    pace: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            help="Real-time factor; 0: as fast as possible. Default: 10 with --live, else 0.",
-        ),
-    ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Follow the flight on a page in the browser.")
+        bool,
+        typer.Option("--live", help="Follow the flight in the browser; default of --pace: 10."),
     ] = False,
     live_host: LiveHost = LOOPBACK,
     live_port: LivePort = 0,
     no_browser: NoBrowser = False,
-    nav_period: Annotated[
-        float | None, typer.Option(help="Flight time between navigation states, s.")
-    ] = None,
-    cycle_period: CyclePeriod = None,
-    hold_time: HoldTime = None,
-    heating_source: HeatingSourceOption = None,
-    initial_guess: Annotated[
-        InitialGuess,
-        typer.Option(help="Initial guess of guidance: none, or from the optimizer's node."),
-    ] = InitialGuess.NONE,
-    attitude_rate_limit: Annotated[
-        float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
-    ] = 0.0,
     view: Annotated[
         bool, typer.Option("--view", help="Standard messages for RViz and maps; on with --live.")
     ] = False,
@@ -141,6 +105,7 @@ def fly(
             help="How often guidance, optimizer and view are each restarted if they end in flight.",
         ),
     ] = RESTARTS,
+    **settings: Any,
 ) -> None:
     """Fly a mission through the graph, record it, say how it went."""
     if bag is not None and no_record:
@@ -151,8 +116,8 @@ def fly(
         raise BadInput("--foxglove-port goes with --foxglove only")
     check_page(live, live_host, live_port, no_browser)
     page = live_options(live_host, live_port, no_browser, as_json)
-    if pace is None:
-        pace = PACE_TO_WATCH if live else 0.0
+    if live:
+        settings.setdefault("pace", PACE_TO_WATCH)
     options = FlyOptions(
         mission=mission,
         guidance=guidance,
@@ -160,17 +125,8 @@ def fly(
         sealed=sealed,
         record=not no_record,
         bag=bag,
-        seed=seed,
-        dispersions=dispersions,
-        failure=failure,
+        settings=settings,
         flight=flight,
-        pace=pace,
-        navigation_period_s=nav_period,
-        cycle_period_s=cycle_period,
-        hold_time_s=hold_time,
-        heating_source=heating_source,
-        initial_guess=initial_guess,
-        attitude_rate_limit_deg_s=attitude_rate_limit,
         view=view or live,
         foxglove_port=(foxglove_port or FOXGLOVE_PORT) if foxglove else 0,
         domain_id=domain_id,

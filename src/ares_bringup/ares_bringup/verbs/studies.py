@@ -2,7 +2,7 @@
 """Define the verbs of studies: optimum, campaigns, aborts."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,8 +11,8 @@ from ares_bringup.options import (
     MAX_SEED,
     PEG,
     AnalyticProfile,
-    Heating,
-    JettisonTarget,
+    HeatingPhase,
+    JettisonTargetSource,
     Maximize,
     PositionIntegral,
 )
@@ -20,13 +20,11 @@ from ares_bringup.verbs.app import (
     BEGUN,
     SELF_STARTING_HELP,
     BadInput,
-    CyclePeriod,
-    HeatingSourceOption,
-    HoldTime,
     MissionOption,
     TablesOrJson,
     app,
     needs,
+    with_settings,
 )
 from ares_models.registry import registered
 from ares_optimizer.registry import AUTO, method_names
@@ -43,7 +41,7 @@ def optimize(
     mission: MissionOption = "ares_v",
     method: Annotated[str, typer.Option(help=METHODS_HELP)] = AUTO,
     heating: Annotated[
-        Heating | None,
+        HeatingPhase | None,
         typer.Option(
             help="When the heating limit holds: at the fairing's jettison, from it on, or never; "
             "default: as in the mission."
@@ -66,7 +64,7 @@ def optimize(
         typer.Option(metavar="N1 N2", help="Of analytic: steps of the trapezoid."),
     ] = None,
     jettison_target: Annotated[
-        JettisonTarget | None,
+        JettisonTargetSource | None,
         typer.Option(help="Of analytic: source of the target of part one; default: mission."),
     ] = None,
     maximize: Annotated[
@@ -141,6 +139,7 @@ def optimize(
 
 
 @app.command()
+@with_settings("cycle_period", "hold_time", "heating_source")
 def montecarlo(
     n: Annotated[
         int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")
@@ -173,9 +172,6 @@ def montecarlo(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on the workers of a Dask scheduler.")
     ] = None,
-    cycle_period: CyclePeriod = None,
-    hold_time: HoldTime = None,
-    heating_source: HeatingSourceOption = None,
     stop_success: Annotated[
         float | None,
         typer.Option(
@@ -192,6 +188,7 @@ def montecarlo(
             help="Stop when the 95 % interval of the mean final mass is narrower.",
         ),
     ] = None,
+    **settings: Any,
 ) -> None:
     """Fly dispersed flights in compiled code, keep them in Parquet, judge them."""
     if only and out is not None:
@@ -212,9 +209,7 @@ def montecarlo(
             as_json=as_json,
             workers=workers,
             scheduler=scheduler,
-            cycle_period_s=cycle_period,
-            hold_time_s=hold_time,
-            heating_source=heating_source and heating_source.value,
+            law_settings=settings,
             success_width=stop_success,
             mass_width_kg=stop_mass,
         ),

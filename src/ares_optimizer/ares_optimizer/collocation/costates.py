@@ -18,8 +18,8 @@ from ares_models.kernels.environment import gravity
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.kernels import acceleration_terms
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.collocation.solver import Point
-from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.solution import Costates
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ class _Terms(NamedTuple):
 
 
 def _terms(
-    program: Transcription, p: int, s: float, point: Point, primer: Array, u: Array
+    program: CollocationProgram, p: int, s: float, point: StoppingPoint, primer: Array, u: Array
 ) -> _Terms:
     """Return the thrust of phase ``p`` at the scaled time ``s``, along the primer or held."""
     phase = program.phases[p]
@@ -75,7 +75,7 @@ def _terms(
     return _Terms(a * u, u, flow, a * float(primer @ u) / float(left * program.mass))
 
 
-def adjoint_of(program: Transcription, point: Point) -> Adjoint:
+def adjoint_of(program: CollocationProgram, point: StoppingPoint) -> Adjoint:
     """Compute costates and Hamiltonian at the begin and the Radau points of each phase."""
     nodes, derivative, integral = radau(program.degree)
     weights = integral[-1]
@@ -133,7 +133,7 @@ def adjoint_of(program: Transcription, point: Point) -> Adjoint:
     )
 
 
-def spread_of(program: Transcription, adjoint: Adjoint) -> dict[int, float]:
+def spread_of(program: CollocationProgram, adjoint: Adjoint) -> dict[int, float]:
     """Return the relative spread of the Hamiltonian in each phase of constant flow."""
     size = max(float(np.abs(adjoint.hamiltonian).max()), 1e-300)
     return {
@@ -143,7 +143,7 @@ def spread_of(program: Transcription, adjoint: Adjoint) -> dict[int, float]:
     }
 
 
-def costates_of(program: Transcription, point: Point, adjoint: Adjoint) -> Costates:
+def costates_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjoint) -> Costates:
     """Scale the costates to |lambda_v| = 1 at the start, for a solution."""
     size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
     pis = []

@@ -19,8 +19,8 @@ from ares_models.arrays import (
 )
 from ares_models.floors import Floor
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, Trial, target_energy
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, TrialFlight, target_energy
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
 
@@ -75,7 +75,7 @@ def _first_crossing(track: Array, above: Array, default: float) -> float:
 
 def trials(
     arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
-) -> Iterator[Trial]:
+) -> Iterator[TrialFlight]:
     """Fly first guesses of a search, the likeliest first.
 
     Args:
@@ -199,14 +199,14 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     return whole, lengths
 
 
-def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: Trial) -> float:
+def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: TrialFlight) -> float:
     """Return the begin of the last arc of a flight, s."""
     return last_begin(arrays, start[0], trial.times.lengths)
 
 
 def _aimed(
     alone: MissionArrays, start: NDArray[np.void], last: float | None = None
-) -> tuple[Trial, Array] | None:
+) -> tuple[TrialFlight, Array] | None:
     """Return the best fit of a mission of one group, and its constants.
 
     Args:
@@ -215,7 +215,7 @@ def _aimed(
         last: initial length of its last burn, s; None: until the energy is reached.
     """
     part = Pilot(alone, start, ())
-    best: tuple[Trial, Array] | None = None
+    best: tuple[TrialFlight, Array] | None = None
     for constants, lengths in _start_constants(part):
         times = _first_times(part, constants, lengths, {})
         if times is None:
@@ -233,7 +233,7 @@ def _aimed(
 
 def _first_times(
     pilot: Pilot, constants: Array, known: dict[int, float], coasts: dict[int, float]
-) -> Times | None:
+) -> FreeTimes | None:
     """Return initial times: each burn ends on the orbit that its place requires."""
     arrays = pilot.arrays
     arcs = arrays.arcs
@@ -257,7 +257,7 @@ def _first_times(
         else:
             lengths[f] = _burn_until(pilot, lengths, f, constants, apogee)
         lengths[f] = min(max(lengths[f], low), pilot.longest(k))
-    times = Times(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
+    times = FreeTimes(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
     if not last_free:
         return times
     track = pilot.fly(times, constants)
@@ -305,7 +305,7 @@ def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Ar
         length = lengths[pilot.free.index(end)] if end != last else length
     else:
         length = float(arcs[end]["duration"])
-    times = Times(known, float(part.begins(known, length)[-1]), _late(part, known, length))
+    times = FreeTimes(known, float(part.begins(known, length)[-1]), _late(part, known, length))
     track = part.fly(times, constants)
     if len(track):
         track = part.fly(part.with_drops(times, track), constants)
@@ -359,7 +359,7 @@ def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: 
     return _first_crossing(burning, above, begin + 0.7 * most) - begin
 
 
-def guess_of(program: Transcription, trial: Trial) -> Array:
+def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
     """Convert a trial flight to variables of a program.
 
     Args:
@@ -397,7 +397,7 @@ def guess_of(program: Transcription, trial: Trial) -> Array:
     return x
 
 
-def node_times(program: Transcription, lengths: Array | None = None) -> Array:
+def node_times(program: CollocationProgram, lengths: Array | None = None) -> Array:
     """Return the mission elapsed time of each state, s, shape (nodes,).
 
     Args:

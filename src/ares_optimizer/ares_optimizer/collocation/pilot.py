@@ -24,7 +24,7 @@ from ares_models.arrays import (
 )
 from ares_models.floors import Floor, orbits_of
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.transcription import Times
+from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import free_arcs, longest_burn
@@ -49,7 +49,7 @@ _LONGEST_S = 1e5
 
 
 @dataclass(frozen=True)
-class Trial:
+class TrialFlight:
     """Hold a trial flight.
 
     Attributes:
@@ -58,7 +58,7 @@ class Trial:
         miss: norm of the errors against target and floors, without unit.
     """
 
-    times: Times
+    times: FreeTimes
     track: Array
     miss: float
 
@@ -149,7 +149,7 @@ class Pilot:
             times[k + 1] = times[k] + length
         return times
 
-    def fly(self, times: Times, constants: Array) -> Array:
+    def fly(self, times: FreeTimes, constants: Array) -> Array:
         """Fly by four constants per group: pitch and yaw at begin and end, rad.
 
         Returns:
@@ -183,7 +183,7 @@ class Pilot:
         )
         return self._track[:rows]
 
-    def with_drops(self, times: Times, track: Array) -> Times:
+    def with_drops(self, times: FreeTimes, track: Array) -> FreeTimes:
         """Return the times with drops where the heating on a track first meets its limit."""
         arcs = self.arrays.arcs
         drops = []
@@ -199,7 +199,7 @@ class Pilot:
             drops.append(float(track[at, rollout.TIME]))
         return times._replace(drops=self._inside(times, np.array(drops)))
 
-    def _inside(self, times: Times, drops: Array) -> Array:
+    def _inside(self, times: FreeTimes, drops: Array) -> Array:
         """Move drops a little off the begins of arcs, and before the cut-off."""
         begins = self.begins(times.lengths, 0.0)[:-1]
         for i, drop in enumerate(drops):
@@ -246,7 +246,9 @@ class Pilot:
             return math.inf
         return float(there.min(initial=math.inf))
 
-    def aim(self, times: Times, constants: Array, coasts: bool = False) -> tuple[Trial, Array]:
+    def aim(
+        self, times: FreeTimes, constants: Array, coasts: bool = False
+    ) -> tuple[TrialFlight, Array]:
         """Fit constants and lengths by least squares, so that a flight ends near the target.
 
         Args:
@@ -276,7 +278,7 @@ class Pilot:
         high = np.concatenate((np.full(n, _MOST_ANGLE), np.ones(len(sizes))))
         x0 = np.clip(x0, low + 1e-6, high - 1e-6)
 
-        def times_of(x: Array) -> Times:
+        def times_of(x: Array) -> FreeTimes:
             lengths = times.lengths.copy()
             lengths[moved] = x[n : n + len(moved)] * sizes[: len(moved)]
             end = x[-1] * sizes[-1] if last_free else last
@@ -292,7 +294,7 @@ class Pilot:
 
         track = self.fly(times_of(x0), x0[:n])
         if not len(track):
-            return Trial(times, track.copy(), math.inf), constants
+            return TrialFlight(times, track.copy(), math.inf), constants
         count = self.miss_of(track).size + x0.size
         found = least_squares(
             residual,
@@ -305,13 +307,13 @@ class Pilot:
         there = times_of(found.x)
         track = self.fly(there, found.x[:n])
         if not len(track):
-            return Trial(times, track.copy(), math.inf), constants
+            return TrialFlight(times, track.copy(), math.inf), constants
         there = self.with_drops(there, track)
         again = self.fly(there, found.x[:n])
         if len(again):
             track = again
         miss = float(np.linalg.norm(self.miss_of(track)))
-        return Trial(there, track.copy(), miss), found.x[:n]
+        return TrialFlight(there, track.copy(), miss), found.x[:n]
 
 
 def target_energy(arrays: MissionArrays) -> float:

@@ -14,8 +14,8 @@ from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation.arrays import GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
 from ares_optimizer.collocation.guess import node_times
-from ares_optimizer.collocation.solver import Point
-from ares_optimizer.collocation.transcription import Times, Transcription, Turning
+from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes, Turning
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
 from ares_optimizer.results import SAME_LENGTH
@@ -36,7 +36,7 @@ _SAMPLES = 8
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundOptimum:
     """Hold a local optimum.
 
     Attributes:
@@ -45,12 +45,12 @@ class Found:
         m_f_kg: the mass that is maximised, see :func:`mass_of`.
     """
 
-    program: Transcription
-    point: Point
+    program: CollocationProgram
+    point: StoppingPoint
     m_f_kg: float
 
 
-def worst_row(program: Transcription, point: Point) -> str:
+def worst_row(program: CollocationProgram, point: StoppingPoint) -> str:
     """Return the name of the row with the largest violation."""
     rows = np.zeros(program.row_lower.size)
     program.rows(point.x, rows)
@@ -58,12 +58,12 @@ def worst_row(program: Transcription, point: Point) -> str:
     return program.names[int(np.argmax(off))]
 
 
-def mass_of(program: Transcription, point: Point) -> float:
+def mass_of(program: CollocationProgram, point: StoppingPoint) -> float:
     """Return the mass at the end of the last stage with a free burn, kg."""
     return float(point.x[program.ends[program.saving]] * program.mass)
 
 
-def times_of(program: Transcription, x: Array) -> Times:
+def times_of(program: CollocationProgram, x: Array) -> FreeTimes:
     """Return the free times at a point of a program."""
     begins = float(program.start["time"][0]) + program.time * np.concatenate(
         ([0.0], np.cumsum(x[program.lengths]))
@@ -83,7 +83,7 @@ def times_of(program: Transcription, x: Array) -> Times:
         p = program.drop_ends.get(number)
         at = program.trial.drops[number] if p is None else float(begins[p + 1])
         drops.append(_at_event(at, begins, p))
-    return Times(np.array(lengths), cutoff, np.array(drops))
+    return FreeTimes(np.array(lengths), cutoff, np.array(drops))
 
 
 def _at_event(at: float, begins: Array, p: int | None) -> float:
@@ -95,7 +95,7 @@ def _at_event(at: float, begins: Array, p: int | None) -> float:
     return nearest if abs(nearest - at) < SAME_LENGTH else at
 
 
-def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
+def finer_guess(program: CollocationProgram, old: CollocationProgram, x: Array) -> Array:
     """Interpolate the variables of a finer program from those of a coarser one."""
     lengths = x[old.lengths] * old.time
     out = np.zeros(program.size)
@@ -133,13 +133,13 @@ def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
     return out
 
 
-def is_idle(found: Found) -> bool:
+def is_idle(found: FoundOptimum) -> bool:
     """Return true if no direction of the thrust can save propellant."""
     rows = 6 * len(found.program.points)
     return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
 
 
-def align_directions(program: Transcription, x: Array) -> None:
+def align_directions(program: CollocationProgram, x: Array) -> None:
     """Add a linear cost that aligns the directions of each guided phase.
 
     Used where the mass does not depend on them.
@@ -153,7 +153,7 @@ def align_directions(program: Transcription, x: Array) -> None:
             )
 
 
-def turning_of(found: Found) -> Turning | None:
+def turning_of(found: FoundOptimum) -> Turning | None:
     """Return the turn of the thrust over time; None without thrust."""
     program, x = found.program, found.point.x
     guided = np.flatnonzero(program.points["control"] >= 0)
@@ -169,7 +169,7 @@ def turning_of(found: Found) -> Turning | None:
     return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
 
 
-def is_saddle(found: Found) -> bool:
+def is_saddle(found: FoundOptimum) -> bool:
     """Return true if the second-order conditions fail: mass can be gained at fixed rows.
 
     The test is the sign of the least eigenvalue of the Hessian of the Lagrangian in the null space
@@ -196,7 +196,7 @@ def is_saddle(found: Found) -> bool:
     return bool(curvatures[0] < -_STRAIGHT * max(1.0, abs(float(curvatures[-1]))))
 
 
-def hamiltonian_spread(found: Found, adjoint: Adjoint) -> float:
+def hamiltonian_spread(found: FoundOptimum, adjoint: Adjoint) -> float:
     """Return the relative spread of the Hamiltonian in phases that touch no floor.
 
     Where a coast touches its floor between two states, the multipliers are at these states, and the
@@ -213,7 +213,7 @@ def hamiltonian_spread(found: Found, adjoint: Adjoint) -> float:
     return max((s for p, s in spreads.items() if p not in touched), default=0.0)
 
 
-def lowest_in(found: Found, arc: int) -> float:
+def lowest_in(found: FoundOptimum, arc: int) -> float:
     """Return the least altitude in an arc, m, also between its states."""
     program, x = found.program, found.point.x
     phases = program.arc_phases.get(arc, [])
@@ -236,7 +236,7 @@ def lowest_in(found: Found, arc: int) -> float:
     return float(min(altitude(tuple(r), environment) for r in grid))
 
 
-def free_propellant(found: Found) -> float:
+def free_propellant(found: FoundOptimum) -> float:
     """Return the propellant of the free burns of the saving stage, kg; inf: it has none."""
     program = found.program
     arcs = program.arrays.arcs

@@ -13,7 +13,7 @@ from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
 from ares_optimizer.collocation.points import (
     Array,
-    Found,
+    FoundOptimum,
     hamiltonian_spread,
     is_idle,
     lowest_in,
@@ -21,11 +21,11 @@ from ares_optimizer.collocation.points import (
     times_of,
 )
 from ares_optimizer.collocation.search import Search, refined
-from ares_optimizer.collocation.solver import Point, solve_program
-from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.collocation.solver import StoppingPoint, solve_program
+from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table
-from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
+from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
 from ares_optimizer.solution import ConstraintCheck
@@ -60,15 +60,15 @@ class Proven:
         exact: true if the flight ends at the end state of the program.
     """
 
-    found: Found
+    found: FoundOptimum
     adjoint: Adjoint
     steering: Steering
-    flight: Flight | None
+    flight: ProofFlight | None
     checks: tuple[ConstraintCheck, ...]
     exact: bool
 
 
-def refine_solution(search: Search, best: Found) -> tuple[Proven, tuple[Floor, ...]]:
+def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[Floor, ...]]:
     """Refine the best solution until its flight is proven; return it with the floors it keeps."""
     request = search.request
     search.idle = is_idle(best)
@@ -97,7 +97,9 @@ def refine_solution(search: Search, best: Found) -> tuple[Proven, tuple[Floor, .
     return proven, tuple(floors.values())
 
 
-def _with_levels(search: Search, found: Found, levels: dict[int, float]) -> Found | None:
+def _with_levels(
+    search: Search, found: FoundOptimum, levels: dict[int, float]
+) -> FoundOptimum | None:
     """Solve again with other floors; return None on failure."""
     program = found.program
     for arc, level in levels.items():
@@ -106,10 +108,10 @@ def _with_levels(search: Search, found: Found, levels: dict[int, float]) -> Foun
     search.iterations += point.iterations
     if not point.solved:
         return None
-    return Found(program, point, mass_of(program, point))
+    return FoundOptimum(program, point, mass_of(program, point))
 
 
-def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
+def _moved(found: FoundOptimum, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
     """Adjust the levels of the floors at the states, so that the flight between them stays above.
 
     Returns:
@@ -126,7 +128,7 @@ def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> 
     return moved
 
 
-def _verified(search: Search, found: Found, adjoint: Adjoint) -> Proven:
+def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     """Fly a point of a program by another integrator, if the request asks to verify."""
     program, point, request = found.program, found.point, search.request
     steering = steering_of(program, point, adjoint)
@@ -151,7 +153,7 @@ def _verified(search: Search, found: Found, adjoint: Adjoint) -> Proven:
     return Proven(found, adjoint, steering, flight, checks, exact)
 
 
-def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steering:
+def steering_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjoint) -> Steering:
     """Return the steering of a point: along the primer where thrust and primer agree.
 
     There is no primer where propellant has no price, for example where burns of fixed length give
@@ -193,7 +195,7 @@ def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steer
 
 
 def _interpolated(
-    program: Transcription, p: int, times: Array, u: Array
+    program: CollocationProgram, p: int, times: Array, u: Array
 ) -> Callable[[float], Array]:
     """Interpolate the directions at the Radau points of a phase, by a polynomial per interval."""
     d = program.degree

@@ -16,7 +16,7 @@ from ares_optimizer.collocation.costates import Adjoint, costates_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
-    Found,
+    FoundOptimum,
     free_propellant,
     hamiltonian_spread,
     is_saddle,
@@ -25,8 +25,8 @@ from ares_optimizer.collocation.points import (
 )
 from ares_optimizer.collocation.refine import SAG, SPREAD, Proven
 from ares_optimizer.collocation.search import Search
-from ares_optimizer.collocation.solver import Point
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
@@ -65,7 +65,7 @@ _NOTHING_KG = 0.1
 
 
 def _steering_arcs(
-    program: Transcription, point: Point, adjoint: Adjoint
+    program: CollocationProgram, point: StoppingPoint, adjoint: Adjoint
 ) -> tuple[SteeringArc, ...]:
     """Return a linear-tangent law per phase: the chord from first to last direction."""
     arcs = []
@@ -161,7 +161,7 @@ def solution_of(
     )
 
 
-def _unknowns(program: Transcription, proven: Proven, times: Times) -> Array:
+def _unknowns(program: CollocationProgram, proven: Proven, times: FreeTimes) -> Array:
     """Return the unknowns of the two-point problem, see ``indirect.solver.Root``."""
     point, adjoint = proven.found.point, proven.adjoint
     arrays, start = program.arrays, program.start[0]
@@ -191,7 +191,7 @@ def _unknowns(program: Transcription, proven: Proven, times: Times) -> Array:
     return np.array(unknowns)
 
 
-def _sampled(program: Transcription, proven: Proven, nodes: Array) -> Trajectory:
+def _sampled(program: CollocationProgram, proven: Proven, nodes: Array) -> Trajectory:
     """Convert the states of a program to a trajectory, with samples at both ends of phases."""
     adjoint = proven.adjoint
     masses = np.interp(adjoint.time, nodes[:, 0], nodes[:, 7])
@@ -218,7 +218,7 @@ def _sampled(program: Transcription, proven: Proven, nodes: Array) -> Trajectory
     )
 
 
-def _nodes(program: Transcription, point: Point) -> Array:
+def _nodes(program: CollocationProgram, point: StoppingPoint) -> Array:
     """Return the states of the program with time and mass, shape (n, 8).
 
     Masses are exact at the begins of phases and interpolated between them.
@@ -283,7 +283,7 @@ def _floor_name(arc: int) -> str:
     return f"lowest altitude in arc {arc}"
 
 
-def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
+def _floor_check(found: FoundOptimum, floor: Floor) -> ConstraintCheck:
     """Return the check of a floor, with kg of final mass per m."""
     rows = found.program.floor_rows[floor.arc]
     if not math.isfinite(floor.altitude_m):
@@ -302,7 +302,7 @@ def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
     )
 
 
-def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
+def _perigee_check(found: FoundOptimum, floor: Floor) -> ConstraintCheck:
     """Return the check of the perigee of a coast's orbit, with kg of final mass per m."""
     program, x = found.program, found.point.x
     node = int(program.first[program.arc_phases[floor.arc][0]])
@@ -383,7 +383,7 @@ def _with_sensitivities(
     return with_multipliers(checks, sensitivities)
 
 
-def _length_worths(program: Transcription, point: Point, times: Times) -> Array:
+def _length_worths(program: CollocationProgram, point: StoppingPoint, times: FreeTimes) -> Array:
     """Return kg of final mass per second of the bound of each free arc; nan: not known."""
     arrays, start = program.arrays, program.start[0]
     _, high = length_bounds(arrays, start)

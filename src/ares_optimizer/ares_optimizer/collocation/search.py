@@ -13,10 +13,10 @@ from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
-from ares_optimizer.collocation.pilot import Trial
+from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
     Array,
-    Found,
+    FoundOptimum,
     align_directions,
     finer_guess,
     lowest_in,
@@ -26,7 +26,7 @@ from ares_optimizer.collocation.points import (
     worst_row,
 )
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, solve_program
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.results import SAME_LENGTH
@@ -75,11 +75,11 @@ class LocalOptimum:
         met: number of starts that led to it.
     """
 
-    found: Found
+    found: FoundOptimum
     lengths: Array
     met: int = 1
 
-    def holds(self, found: Found, lengths: Array) -> bool:
+    def holds(self, found: FoundOptimum, lengths: Array) -> bool:
         """Return true if a solution is this local optimum."""
         near = SAME_MASS * self.found.m_f_kg
         if abs(found.m_f_kg - self.found.m_f_kg) > near:
@@ -119,7 +119,7 @@ class Search:
         self._start_m = float(altitude(tuple(r), arrays.environment[0]))
 
     @property
-    def best(self) -> Found | None:
+    def best(self) -> FoundOptimum | None:
         """Return the local optimum with the greatest mass."""
         return self.optima[0].found if self.optima else None
 
@@ -151,7 +151,7 @@ class Search:
             and led == self.again >= self.starts - _FAILED
         )
 
-    def try_start(self, trial: Trial) -> None:
+    def try_start(self, trial: TrialFlight) -> None:
         """Solve from a trial flight; skip one far from its target if a solution is known."""
         if self.best is not None and trial.miss > _FAR_OFF:
             return
@@ -169,7 +169,7 @@ class Search:
         elif found is not None:
             self._unproven = True
 
-    def _underground(self, found: Found) -> list[int]:
+    def _underground(self, found: FoundOptimum) -> list[int]:
         """Return the arcs without a floor that a flight flies below the ground."""
         rows = found.program.floor_rows
         return [
@@ -178,11 +178,11 @@ class Search:
             if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
         ]
 
-    def _solved(self, trial: Trial) -> Found | None:
+    def _solved(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
         try:
-            program = Transcription(self.arrays, self.start, trial.times, floors)
+            program = CollocationProgram(self.arrays, self.start, trial.times, floors)
         except ValueError:
             self._unproven = True
             return None
@@ -196,7 +196,7 @@ class Search:
             else:
                 self._unproven = True
             return None
-        known = Found(program, point, mass_of(program, point))
+        known = FoundOptimum(program, point, mass_of(program, point))
         found = known if not self._dips_below_floor(known) else self._retranscribed(known, floors)
         if found is None:
             self._unproven = True
@@ -208,7 +208,7 @@ class Search:
             found = better
         return found
 
-    def _dips_below_floor(self, found: Found) -> bool:
+    def _dips_below_floor(self, found: FoundOptimum) -> bool:
         """Return true if a coast dips below a floor between its states."""
         return any(
             lowest_in(found, floor.arc) < floor.altitude_m - _SAGS
@@ -216,12 +216,12 @@ class Search:
             if found.program.floor_rows.get(floor.arc)
         )
 
-    def _retranscribed(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+    def _retranscribed(self, found: FoundOptimum, floors: tuple[Floor, ...]) -> FoundOptimum | None:
         """Solve on intervals for the lengths of a solution; return None on failure."""
         again = refined(self, found, floors, 1.0)
         return again if again is None or not self._dips_below_floor(again) else None
 
-    def _reordered(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+    def _reordered(self, found: FoundOptimum, floors: tuple[Floor, ...]) -> FoundOptimum | None:
         """Solve with two events in the other order; return None where that is no better.
 
         A fairing may drop in another arc, and the limit of a throttle may be reached in another
@@ -229,7 +229,7 @@ class Search:
         """
         for times in moved_events(found):
             try:
-                program = Transcription(self.arrays, self.start, times, floors)
+                program = CollocationProgram(self.arrays, self.start, times, floors)
             except ValueError:
                 continue
             guess = finer_guess(program, found.program, found.point.x)
@@ -238,10 +238,10 @@ class Search:
             )
             self.iterations += point.iterations
             if point.solved and mass_of(program, point) > found.m_f_kg * (1.0 + _GAINED):
-                return Found(program, point, mass_of(program, point))
+                return FoundOptimum(program, point, mass_of(program, point))
         return None
 
-    def keep(self, found: Found) -> None:
+    def keep(self, found: FoundOptimum) -> None:
         """Store a local optimum, or count it with a known one."""
         lengths = times_of(found.program, found.point.x).lengths
         for optimum in self.optima:
@@ -319,7 +319,7 @@ def short_of_propellant(search: Search, cause: Cause) -> Cause:
     )
 
 
-def moved_events(found: Found) -> Iterator[Times]:
+def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:
     """Yield times with an event moved past another that it coincides with."""
     program, x = found.program, found.point.x
     lengths = x[program.lengths] * program.time
@@ -333,8 +333,8 @@ def moved_events(found: Found) -> Iterator[Times]:
 
 
 def _moved_times(
-    program: Transcription, times: Times, phases: list[int], p: int, move: float
-) -> Times | None:
+    program: CollocationProgram, times: FreeTimes, phases: list[int], p: int, move: float
+) -> FreeTimes | None:
     """Return the times with the event at a vanished phase moved out of its arc.
 
     Args:
@@ -365,13 +365,13 @@ def _moved_times(
     return times._replace(lengths=moved)
 
 
-def _burn_before(program: Transcription, k: int) -> int:
+def _burn_before(program: CollocationProgram, k: int) -> int:
     """Return the burn before an arc; -1: none."""
     burns = [b for b in program.arc_phases if b < k and program.arrays.arcs[b]["kind"] == BURN]
     return max(burns, default=-1)
 
 
-def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[Floor, ...]:
+def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> tuple[Floor, ...]:
     """Return the active floors: in the ascent a coast may be below the default floor.
 
     Args:
@@ -389,12 +389,14 @@ def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[
     return tuple(kept)
 
 
-def refined(search: Search, found: Found, floors: tuple[Floor, ...], finer: float) -> Found | None:
+def refined(
+    search: Search, found: FoundOptimum, floors: tuple[Floor, ...], finer: float
+) -> FoundOptimum | None:
     """Solve on finer intervals from a point; return None on failure."""
     times = times_of(found.program, found.point.x)
     try:
         turning = None if search.idle else turning_of(found)
-        program = Transcription(
+        program = CollocationProgram(
             search.arrays, search.start, times, floors, finer=finer, turning=turning
         )
     except ValueError:
@@ -402,12 +404,12 @@ def refined(search: Search, found: Found, floors: tuple[Floor, ...], finer: floa
     guess = finer_guess(program, found.program, found.point.x)
     if search.idle:
         align_directions(program, guess)
-    known: Found | None = None
+    known: FoundOptimum | None = None
     for mu in (_NEAR, None):
         point = solve_program(program, guess, search.request.deadline, mu=mu)
         search.iterations += point.iterations
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
-            known = Found(program, point, mass_of(program, point))
+            known = FoundOptimum(program, point, mass_of(program, point))
         # the barrier may lead away from the solution nearby
         if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - SAME_MASS):
             break

@@ -8,7 +8,7 @@ import ipyopt
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.registry import COLLOCATION
 
@@ -43,7 +43,7 @@ _WARM: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Point:
+class StoppingPoint:
     """Hold the point at which the solver stopped.
 
     Attributes:
@@ -72,12 +72,12 @@ class Point:
 
 
 def solve_program(
-    program: Transcription,
-    guess: Array | Point,
+    program: CollocationProgram,
+    guess: Array | StoppingPoint,
     deadline: Deadline,
     mu: float | None = None,
     most: int = 200,
-) -> Point:
+) -> StoppingPoint:
     """Solve a program from a guess.
 
     Args:
@@ -101,7 +101,7 @@ def solve_program(
     chosen = _OPTIONS | {"max_iter": most}
     if mu is not None:
         chosen |= {"mu_init": mu, "mu_strategy": "monotone"}
-    if isinstance(guess, Point):
+    if isinstance(guess, StoppingPoint):
         chosen |= _WARM
     problem = ipyopt.Problem(
         program.size,
@@ -120,7 +120,7 @@ def solve_program(
         intermediate_callback=watch,
         ipopt_options=chosen,
     )
-    if isinstance(guess, Point):
+    if isinstance(guess, StoppingPoint):
         x, multipliers = guess.x.copy(), guess.multipliers.copy()
         at_lower, at_upper = guess.at_lower.copy(), guess.at_upper.copy()
     else:
@@ -134,7 +134,7 @@ def solve_program(
         float(np.maximum(program.row_lower - rows, rows - program.row_upper).max(initial=0.0)),
         float(np.maximum(program.lower - x, x - program.upper).max(initial=0.0)),
     )
-    return Point(
+    return StoppingPoint(
         x,
         int(status),
         multipliers,

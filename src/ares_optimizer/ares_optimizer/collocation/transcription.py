@@ -71,7 +71,7 @@ class Turning(NamedTuple):
     turned: Array
 
 
-class Times(NamedTuple):
+class FreeTimes(NamedTuple):
     """Hold the free times of a flight.
 
     Attributes:
@@ -86,7 +86,7 @@ class Times(NamedTuple):
 
 
 @dataclass
-class Rows:
+class ConstraintRows:
     """Hold the bounds of all rows, and the entries of linear rows."""
 
     lower: list[float] = field(default_factory=list)
@@ -102,7 +102,9 @@ class Rows:
         return len(self.lower) - 1
 
 
-def segments_of(arrays: MissionArrays, start: NDArray[np.void], times: Times) -> NDArray[np.void]:
+def segments_of(
+    arrays: MissionArrays, start: NDArray[np.void], times: FreeTimes
+) -> NDArray[np.void]:
     """Return the segments of a flight, dtype SEGMENT; empty if the times are not possible."""
     segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
     ends = np.zeros(max(1, len(times.lengths)))
@@ -139,7 +141,7 @@ def count_rows(target: Record, start: NDArray[np.void]) -> int:
     return int(terminal_rows(target, 1.0, r, v, *room))
 
 
-class Transcription:
+class CollocationProgram:
     """Transcribe one mission with one order of events to a program.
 
     Attributes:
@@ -158,7 +160,7 @@ class Transcription:
         self,
         arrays: MissionArrays,
         start: NDArray[np.void],
-        times: Times,
+        times: FreeTimes,
         floors: tuple[Floor, ...] = (),
         degree: int = 5,
         finer: float = 1.0,
@@ -193,7 +195,7 @@ class Transcription:
         self.time = self.radius / self.speed
         self.mass = float(self.segments[0]["mass"])
         self.degree = degree
-        self._rows = Rows()
+        self._rows = ConstraintRows()
         self._lay_out_chain(finer, turning)
         self._lay_out_variables()
         self._lay_out_phases()

@@ -18,7 +18,7 @@ from ares_optimizer.direct.kernels.problem import (
     MINIMISE_HEATING,
 )
 from ares_optimizer.direct.kernels.sqp import TOO_MANY_ITERATIONS
-from ares_optimizer.direct.search import LIFTED, Found, relaxed, run, solve_base, tighten
+from ares_optimizer.direct.search import LIFTED, SearchResult, relaxed, run, solve_base, tighten
 from ares_optimizer.direct.transcription import Transcription, transcribe
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Cause, Status, infeasible
@@ -31,7 +31,7 @@ _NEAR = 1e-3  # scaled terminal violation up to which a flight counts as reachin
 _PLACES = (0.2, 0.5, 0.8, 0.98)  # trial drops, as fractions of earliest drop to cut-off
 
 
-def propellant_obstacle(found: Found) -> str:
+def propellant_obstacle(found: SearchResult) -> str:
     """Return a line if the optimum burns more than the last stage has, else ""."""
     transcription = found.transcription
     late = found.cutoff_s - transcription.depletion_s
@@ -44,13 +44,13 @@ def propellant_obstacle(found: Found) -> str:
     )
 
 
-def held_by_heating(found: Found) -> bool:
+def held_by_heating(found: SearchResult) -> bool:
     """Return true if a heating limit at a jettison is active."""
     drops = len(found.transcription.problem.drops)
     return bool(np.any(found.inequalities[: 3 * drops : 3] > 0.0))
 
 
-def miss_line(arrays: MissionArrays, found: Found) -> str:
+def miss_line(arrays: MissionArrays, found: SearchResult) -> str:
     """Describe the errors of the nearest flight from the target, the two largest."""
     problem = found.transcription.problem
     mu = float(problem.environment[0]["mu"])
@@ -74,7 +74,7 @@ def miss_line(arrays: MissionArrays, found: Found) -> str:
     return text
 
 
-def ground_obstacle(found: Found) -> str:
+def ground_obstacle(found: SearchResult) -> str:
     """Return a line if a node of the flight is below ground, else ""."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
@@ -87,7 +87,7 @@ def ground_obstacle(found: Found) -> str:
     return f"the flights found to the target go through the ground, {-lowest:,.0f} m deep"
 
 
-def terminal_miss(found: Found) -> float:
+def terminal_miss(found: SearchResult) -> float:
     """Return the largest scaled residual of the terminal equations."""
     problem = found.transcription.problem
     point = make_point(problem)
@@ -95,7 +95,7 @@ def terminal_miss(found: Found) -> float:
     return float(np.abs(point.equations).max())
 
 
-def failure_cause(arrays: MissionArrays, found: Found) -> Cause:
+def failure_cause(arrays: MissionArrays, found: SearchResult) -> Cause:
     """Return the cause of a failed search, derived from its last flight."""
     if terminal_miss(found) > _NEAR:
         line = f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
@@ -109,7 +109,7 @@ def failure_cause(arrays: MissionArrays, found: Found) -> Cause:
     )
 
 
-def path_obstacle(found: Found) -> str:
+def path_obstacle(found: SearchResult) -> str:
     """Return a line on a heating limit that cannot be held from the jettison to cut-off."""
     problem = found.transcription.problem
     j = found.transcription.heating_jettisons[-1]
@@ -132,8 +132,8 @@ def path_obstacle(found: Found) -> str:
 
 
 def rescue(
-    arrays: MissionArrays, start: Record, heating: Heating, found: Found, deadline: Deadline
-) -> tuple[Found, Cause | None]:
+    arrays: MissionArrays, start: Record, heating: Heating, found: SearchResult, deadline: Deadline
+) -> tuple[SearchResult, Cause | None]:
     """Solve a mission that did not converge by another route, or find the cause.
 
     The heating limit is removed. If the target can then be reached, the limit is lowered in steps;
@@ -215,13 +215,15 @@ def _within_propellant(transcription: Transcription) -> Transcription:
     return replace(transcription, problem=problem._replace(latest_cutoff=latest))
 
 
-def least_heating(transcription: Transcription, variables: Array, deadline: Deadline) -> Found:
+def least_heating(
+    transcription: Transcription, variables: Array, deadline: Deadline
+) -> SearchResult:
     """Search for the flight to the target with the least heating at the last free drop."""
     problem = transcription.problem._replace(objective=MINIMISE_HEATING)
     return run(replace(transcription, problem=problem), variables, 1.0, deadline)
 
 
-def heating_level(found: Found) -> float:
+def heating_level(found: SearchResult) -> float:
     """Return the log of the heating, W/m2, at the last free drop; inf when not finite."""
     problem = found.transcription.problem._replace(objective=MINIMISE_HEATING)
     level = evaluate(found.variables, problem, make_scratch(problem), make_point(problem))

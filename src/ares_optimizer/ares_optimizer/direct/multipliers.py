@@ -38,9 +38,9 @@ from ares_optimizer.direct.kernels.sqp import (
     lagrangian_gradient,
     reduced_hessian,
 )
-from ares_optimizer.direct.search import Found, path_peaks
+from ares_optimizer.direct.search import SearchResult, path_peaks
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.proof.flight import Direction, Flight, Piece, Steering
+from ares_optimizer.proof.flight import Direction, Piece, ProofFlight, Steering
 from ares_optimizer.solution import Check, Costates
 from ares_optimizer.targets import target_rows
 
@@ -84,7 +84,7 @@ class Jump:
     drop: int
 
 
-def heating_jumps(found: Found) -> list[Jump]:
+def heating_jumps(found: SearchResult) -> list[Jump]:
     """Return the times at which the costates of a solution jump."""
     jumps = [
         Jump(time, float(found.inequalities[3 * d]), d) for d, time in enumerate(found.drop_times_s)
@@ -148,7 +148,7 @@ def _integrate_back(
 
 
 def recover_costates(
-    arrays: MissionArrays, found: Found, flight: Flight, steering: Steering
+    arrays: MissionArrays, found: SearchResult, flight: ProofFlight, steering: Steering
 ) -> Costates:
     """Compute the costates of a direct solution along its verified flight.
 
@@ -218,7 +218,7 @@ def recover_costates(
     )
 
 
-def limit_sensitivities(found: Found, flight: Flight) -> dict[CheckKey, float]:
+def limit_sensitivities(found: SearchResult, flight: ProofFlight) -> dict[CheckKey, float]:
     """Return the sensitivity to each limit: kg of final mass per unit of the limit.
 
     Elements of the target: per m, m/s, deg or 1. Heating limits: per W/m2.
@@ -260,7 +260,7 @@ def limit_sensitivities(found: Found, flight: Flight) -> dict[CheckKey, float]:
     return table
 
 
-def least_curvature(found: Found) -> float:
+def least_curvature(found: SearchResult) -> float:
     """Return the least eigenvalue of the Hessian projected on the active constraints.
 
     The Hessian is that of the Lagrangian, in the solver's units, in the null space of the active

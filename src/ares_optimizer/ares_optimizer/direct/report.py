@@ -23,7 +23,7 @@ from ares_optimizer.direct.kernels.problem import (
     P_TIME,
     Problem,
 )
-from ares_optimizer.direct.search import Array, Found, Law, steering_laws
+from ares_optimizer.direct.search import Array, SearchResult, SteeringLaw, steering_laws
 from ares_optimizer.results import steering_arc
 from ares_optimizer.solution import SteeringArc
 
@@ -31,16 +31,16 @@ _SIDE = 1e-9  # either side of an event, s
 _GAUSS = np.polynomial.legendre.leggauss(10)
 
 
-def _law_in_force(found: Found, laws: list[Law], t: float) -> Law:
+def _law_in_force(found: SearchResult, laws: list[SteeringLaw], t: float) -> SteeringLaw:
     """Return the law just after ``t``: of a held burn, or the last that has begun."""
     problem = found.transcription.problem
     for column, (begin, end) in zip(problem.held, problem.held_time, strict=True):
         if begin <= t + _SIDE < end:
-            return Law(t, found.variables[column : column + 3], np.zeros(3))
+            return SteeringLaw(t, found.variables[column : column + 3], np.zeros(3))
     return [law for law in laws if law.time <= t + _SIDE][-1]
 
 
-def solver_nodes(found: Found) -> Array:
+def solver_nodes(found: SearchResult) -> Array:
     """Return the states at the ends of the solver's steps, shape (k, 8): s, m, m/s, kg."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
@@ -88,7 +88,7 @@ def _profile_at(problem: Problem, cutoff: float, t: float, late: bool) -> tuple[
     return thrust, mass
 
 
-def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
+def steering_arcs(found: SearchResult) -> tuple[SteeringArc, ...]:
     """Return steering law, masses and velocity gain of each piece of the flight."""
     problem = found.transcription.problem
     laws = steering_laws(found.transcription, found.variables)
@@ -141,7 +141,7 @@ def _ramp_gain(problem: Problem, cutoff: float, begin: float, end: float, gone: 
     return gain
 
 
-def jettison_times(found: Found, count: int) -> tuple[float, ...]:
+def jettison_times(found: SearchResult, count: int) -> tuple[float, ...]:
     """Return the time of every jettison of the mission, s; nan if it does not happen."""
     times = [math.nan] * count
     for j, t in found.transcription.fixed_jettisons:

@@ -80,7 +80,7 @@ class Guess:
 
 
 @dataclass
-class Found:
+class SearchResult:
     """Hold the outcome of a search.
 
     Attributes:
@@ -133,7 +133,9 @@ class Found:
         )
 
 
-def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadline) -> Found:
+def run(
+    transcription: Transcription, guess: Array, goal: float, deadline: Deadline
+) -> SearchResult:
     """Search once, from one guess."""
     variables = np.array(guess, dtype=np.float64)
     problem = transcription.problem._replace(stop=deadline.flag)
@@ -141,7 +143,9 @@ def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadl
         variables, problem, goal, _ITERATIONS
     )
     deadline.report(Progress("direct", iterations, miss, float(final[7])))
-    return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
+    return SearchResult(
+        transcription, variables, end, miss, curvature, nu, mu, values, final, iterations
+    )
 
 
 def guess_variables(problem: Problem, guess: Guess) -> Array:
@@ -198,7 +202,7 @@ def law_times(problem: Problem, variables: Array) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Law:
+class SteeringLaw:
     """Hold a steering law: direction + rate (t - time), not normalised."""
 
     time: float
@@ -210,10 +214,10 @@ class Law:
         return self.direction + self.rate * (t - self.time)
 
 
-def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
+def steering_laws(transcription: Transcription, variables: Array) -> list[SteeringLaw]:
     """Return the laws of a solution in order of time, without those of held burns."""
     problem = transcription.problem
-    laws: list[Law] = []
+    laws: list[SteeringLaw] = []
     times = law_times(problem, variables)
     jumps = None
     for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
@@ -227,7 +231,7 @@ def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
             if jumps is None:
                 jumps = _jump_laws(problem, variables)
             direction, rate = jumps[int(row[L_DROP])]
-        laws.append(Law(times[k], direction, rate))
+        laws.append(SteeringLaw(times[k], direction, rate))
     return laws
 
 
@@ -238,7 +242,7 @@ def _jump_laws(problem: Problem, variables: Array) -> dict[int, tuple[Array, Arr
     return {d: (row[8:11].copy(), row[11:14].copy()) for d, row in enumerate(scratch.drops[:-1])}
 
 
-def carry_over(found: Found, transcription: Transcription) -> Array:
+def carry_over(found: SearchResult, transcription: Transcription) -> Array:
     """Convert a solution to variables of another problem with the same or a similar flight.
 
     Args:
@@ -277,7 +281,7 @@ def own_starts(transcription: Transcription, deadline: Deadline) -> Array:
     return starts[:count]
 
 
-def _better(a: Found | None, b: Found) -> Found:
+def _better(a: SearchResult | None, b: SearchResult) -> SearchResult:
     """Return the better of two outcomes, with the iterations and restarts of both."""
     if a is None:
         return b
@@ -297,7 +301,7 @@ def relaxed(transcription: Transcription, amount: float) -> Transcription:
     return replace(transcription, problem=transcription.problem._replace(drops=drops))
 
 
-def _first_crossing(found: Found) -> Array | None:
+def _first_crossing(found: SearchResult) -> Array | None:
     """Return variables with earlier drops where the heating allows them, else None."""
     problem = found.transcription.problem
     if not len(problem.drops):
@@ -313,9 +317,11 @@ def _first_crossing(found: Found) -> Array | None:
     return None
 
 
-def solve_base(transcription: Transcription, guess: Guess | None, deadline: Deadline) -> Found:
+def solve_base(
+    transcription: Transcription, guess: Guess | None, deadline: Deadline
+) -> SearchResult:
     """Solve a problem from the guess, then from the starts of the sweep."""
-    best: Found | None = None
+    best: SearchResult | None = None
     if guess is not None:
         start = guess_variables(transcription.problem, guess)
         best = run(transcription, start, _GUESS_IS_RESTORED_TO, deadline)
@@ -347,8 +353,8 @@ def heating_excess(variables: Array, problem: Problem) -> float:
 
 
 def tighten(
-    found: Found, transcription: Transcription, deadline: Deadline, bound: float = math.inf
-) -> Found:
+    found: SearchResult, transcription: Transcription, deadline: Deadline, bound: float = math.inf
+) -> SearchResult:
     """Lower raised heating limits in steps to those of the problem.
 
     Args:
@@ -390,7 +396,9 @@ def tighten(
     return best
 
 
-def continue_from(found: Found, transcription: Transcription, deadline: Deadline) -> Found:
+def continue_from(
+    found: SearchResult, transcription: Transcription, deadline: Deadline
+) -> SearchResult:
     """Solve a similar problem from a solution, adding up iterations and restarts."""
     guess = carry_over(found, transcription)
     more = run(transcription, guess, _SOLUTION_IS_RESTORED_TO, deadline)
@@ -399,7 +407,7 @@ def continue_from(found: Found, transcription: Transcription, deadline: Deadline
     return more
 
 
-def splits_for(found: Found) -> tuple[float, ...]:
+def splits_for(found: SearchResult) -> tuple[float, ...]:
     """Return the times, s, that split every overlong law into equal parts.
 
     Empty where a time is not finite.
@@ -423,7 +431,7 @@ def find_direct(
     heating: Heating = Heating.AT_JETTISON,
     guess: Guess | None = None,
     deadline: Deadline | None = None,
-) -> Found:
+) -> SearchResult:
     """Solve a mission with ``direct11``, ``direct14``, ``direct20`` or ``jump``.
 
     Args:
@@ -451,9 +459,9 @@ def _extend_limit(
     start: Record,
     method: str,
     splits: tuple[float, ...],
-    before: Found,
+    before: SearchResult,
     deadline: Deadline,
-) -> Found:
+) -> SearchResult:
     """Extend the heating limit from the jettison to the rest of the flight.
 
     Two solutions may exist: a more lofted flight, and one that keeps the fairing until the later
@@ -496,7 +504,7 @@ def _extend_limit(
     return found
 
 
-def path_peaks(found: Found) -> list[tuple[float, float]]:
+def path_peaks(found: SearchResult) -> list[tuple[float, float]]:
     """Return the later heating peaks at the limit: (time s, multiplier of the log limit)."""
     problem = found.transcription.problem
     if problem.heating != HEATING_FROM_JETTISON or not len(problem.drops):
@@ -522,9 +530,9 @@ def continue_to(
     start: Record,
     method: str,
     heating: Heating,
-    base: Found,
+    base: SearchResult,
     deadline: Deadline,
-) -> Found:
+) -> SearchResult:
     """Solve for a method, starting from the 11-parameter solution.
 
     Args:

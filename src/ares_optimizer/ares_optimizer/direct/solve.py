@@ -22,7 +22,7 @@ from ares_optimizer.direct.multipliers import (
     recover_costates,
 )
 from ares_optimizer.direct.report import jettison_times, solver_nodes, steering_arcs
-from ares_optimizer.direct.search import Found, Guess, continue_to, find_direct
+from ares_optimizer.direct.search import Guess, SearchResult, continue_to, find_direct
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
@@ -136,7 +136,7 @@ def solve_direct(request: Request) -> Solution:
     return _prove_direct(request, found, solution)
 
 
-def _prove_direct(request: Request, found: Found, solution: Solution) -> Solution:
+def _prove_direct(request: Request, found: SearchResult, solution: Solution) -> Solution:
     """Add verification, constraints with sensitivities, trajectory and costates."""
     arrays = request.arrays
     steering = steering_of(solution.arcs)

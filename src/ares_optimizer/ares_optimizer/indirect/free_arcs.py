@@ -54,7 +54,7 @@ _TINY = 1e-300
 
 
 @dataclass
-class _Search:
+class _RootSearch:
     """Hold the best root so far, and the work of all searches.
 
     Attributes:
@@ -262,7 +262,7 @@ def find_planned(
         the root with the least propellant, else the last one tried, not converged. Its arcs at a
         bound stay held afterwards; all of them if the propellant is negligible.
     """
-    search = _Search(solver, start)
+    search = _RootSearch(solver, start)
     whole = int(solver.options["max_iterations"][0])
     solver.options["max_iterations"] = _ITERATIONS
     try:
@@ -295,7 +295,7 @@ def refine_planned(solver: TwoPointSolver, start: NDArray[np.void], root: Root) 
     held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold == HELD}
     if not held:
         return solver.solve(start, root.unknowns, restart=False)
-    search = _Search(solver, start)
+    search = _RootSearch(solver, start)
     nothing = _NOTHING_S * float(solver.arrays.arcs[-1]["mass_flow"])
     there = search.downhill(root, held, nothing)
     if there.converged and there.propellant_kg >= nothing:
@@ -304,7 +304,7 @@ def refine_planned(solver: TwoPointSolver, start: NDArray[np.void], root: Root) 
     return replace(found, iterations=search.iterations, restarts=search.restarts)
 
 
-def _try(search: _Search, lengths: Array) -> None:
+def _try(search: _RootSearch, lengths: Array) -> None:
     """Try one set of lengths: held first, then free from a primer along the velocity."""
     solver, start = search.solver, search.start
     longest = _longest_last(solver)
@@ -318,7 +318,7 @@ def _try(search: _Search, lengths: Array) -> None:
         search.keep_if_best(search.count_work(solver.solve(start, ahead, restart=False)))
 
 
-def _from_held(search: _Search, lengths: Array, guess: Array | None = None) -> None:
+def _from_held(search: _RootSearch, lengths: Array, guess: Array | None = None) -> None:
     """Search from held lengths, by a guess or the built-in guesses; release or descend."""
     solver, start = search.solver, search.start
     times = unknowns_of(solver, start, lengths, _BURNT * _longest_last(solver))

@@ -17,7 +17,7 @@ from ares_models.arrays import (
 )
 from ares_models.judge import Judgement, judge
 from ares_models.tolerances import HEATING_W_M2, PROPELLANT_KG
-from ares_optimizer.proof.flight import Flight
+from ares_optimizer.proof.flight import ProofFlight
 from ares_optimizer.proof.physics import elements, surface_radius
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Check, ConstraintCheck, Verification
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _ACTIVE = 1e-3  # relative distance to its limit within which an inequality is active
 
 
-def judged_end(arrays: MissionArrays, flight: Flight) -> Judgement:
+def judged_end(arrays: MissionArrays, flight: ProofFlight) -> Judgement:
     """Return the judgement on the end of a flight.
 
     Args:
@@ -46,7 +46,7 @@ def judged_end(arrays: MissionArrays, flight: Flight) -> Judgement:
     )
 
 
-def _lowest(arrays: MissionArrays, flight: Flight) -> float:
+def _lowest(arrays: MissionArrays, flight: ProofFlight) -> float:
     """Return the lowest altitude of a flight, m."""
     r = flight.trajectory.position
     ground = surface_radius(r, arrays.environment[0])
@@ -54,7 +54,7 @@ def _lowest(arrays: MissionArrays, flight: Flight) -> float:
 
 
 def constraint_table(
-    arrays: MissionArrays, start: Record, flight: Flight, heating: Heating
+    arrays: MissionArrays, start: Record, flight: ProofFlight, heating: Heating
 ) -> tuple[ConstraintCheck, ...]:
     """Check all constraints: value, limit, active, satisfied.
 
@@ -83,7 +83,7 @@ def constraint_table(
     )
 
 
-def _target_checks(arrays: MissionArrays, flight: Flight) -> list[ConstraintCheck]:
+def _target_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
     """Return the checks of the target elements, with values computed by the proof."""
     target = arrays.target[0]
     figures = elements(flight.final[:3], flight.final[3:6], float(arrays.environment[0]["mu"]))
@@ -104,7 +104,7 @@ def _target_checks(arrays: MissionArrays, flight: Flight) -> list[ConstraintChec
 
 
 def _jettison_checks(
-    arrays: MissionArrays, start: Record, flight: Flight, heating: Heating
+    arrays: MissionArrays, start: Record, flight: ProofFlight, heating: Heating
 ) -> list[ConstraintCheck]:
     """Return the checks of the jettisons.
 
@@ -179,7 +179,7 @@ def _at_most(
     )
 
 
-def verification(arrays: MissionArrays, flight: Flight, nodes: Array | None) -> Verification:
+def verification(arrays: MissionArrays, flight: ProofFlight, nodes: Array | None) -> Verification:
     """Return the figures of a flight, and the distances of a solver's nodes from it.
 
     Args:

@@ -64,7 +64,7 @@ class Piece(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Flight:
+class ProofFlight:
     """Hold a flight as integrated here.
 
     Attributes:
@@ -235,7 +235,7 @@ def fly(
     jettison_times: Sequence[float],
     t_meco: float,
     boundaries: Sequence[float] = (),
-) -> Flight:
+) -> ProofFlight:
     """Integrate a flight to its end, or until it falls to the centre of attraction.
 
     Args:
@@ -296,7 +296,7 @@ def fly(
         t = end
         if piece.end < end:
             break
-    return Flight(
+    return ProofFlight(
         plan,
         joined(tracks),
         y,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from ares_models.arrays import MissionArrays
-from ares_optimizer.proof.flight import Flight, Piece, Steering
+from ares_optimizer.proof.flight import Piece, ProofFlight, Steering
 from ares_optimizer.solution import Cause, Check, ConstraintCheck, Costates, Status
 
 Array = NDArray[np.float64]
@@ -31,12 +31,12 @@ def _primer_in(piece: Piece, costates: Costates) -> CubicHermiteSpline:
     return CubicHermiteSpline(times[rows], costates.lambda_v[rows], -costates.lambda_r[rows])
 
 
-def _held_arcs(arrays: MissionArrays, flight: Flight) -> list[int]:
+def _held_arcs(arrays: MissionArrays, flight: ProofFlight) -> list[int]:
     return [k for k, _, _ in flight.plan.arcs if arrays.arcs[k]["held"]]
 
 
 def held_offsets(
-    arrays: MissionArrays, flight: Flight, steering: Steering, costates: Costates
+    arrays: MissionArrays, flight: ProofFlight, steering: Steering, costates: Costates
 ) -> tuple[float, ...]:
     """Return the angle of each held direction from the optimal one, deg.
 
@@ -68,7 +68,7 @@ def held_offsets(
 
 
 def held_checks(
-    arrays: MissionArrays, flight: Flight, offsets: tuple[float, ...]
+    arrays: MissionArrays, flight: ProofFlight, offsets: tuple[float, ...]
 ) -> tuple[ConstraintCheck, ...]:
     """Return checks on the angles of :func:`held_offsets`."""
     return tuple(

@@ -21,7 +21,7 @@ _SAME_TIME = 1e-9  # s
 
 
 @dataclass(frozen=True)
-class Engine:
+class Thrust:
     """Hold the thrust interval of one arc: its own curve, or its tail-off."""
 
     arc: int
@@ -43,7 +43,7 @@ class Plan:
         used_kg: propellant of the last stage burnt by the end, at full thrust.
     """
 
-    engines: list[Engine] = field(default_factory=list)
+    engines: list[Thrust] = field(default_factory=list)
     stagings: list[tuple[float, int]] = field(default_factory=list)
     arcs: list[tuple[int, float, float]] = field(default_factory=list)
     breaks: set[float] = field(default_factory=set)
@@ -56,7 +56,7 @@ def _curve(arc: Record, name: str) -> tuple[Array, Array]:
     return arc[f"{name}_time"][:knots], arc[f"{name}_fraction"][:knots]
 
 
-def thrust_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
+def thrust_fraction(arcs: NDArray[np.void], engine: Thrust, t: float) -> float:
     """Return the fraction of full thrust at a time."""
     times, fractions = _curve(arcs[engine.arc], "tail" if engine.tail else "start")
     if not len(times):
@@ -64,7 +64,7 @@ def thrust_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
     return float(np.interp(t - engine.begin, times, fractions))
 
 
-def flow_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
+def flow_fraction(arcs: NDArray[np.void], engine: Thrust, t: float) -> float:
     """Return the fraction of full mass flow at a time: tabled, or that of the thrust."""
     arc = arcs[engine.arc]
     if engine.tail or not arc["tabled"]:
@@ -73,7 +73,7 @@ def flow_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
     return float(np.interp(t - engine.begin, arc["start_time"][:knots], arc["start_flow"][:knots]))
 
 
-def _burnt(arcs: NDArray[np.void], engines: Sequence[Engine], begin: float, end: float) -> float:
+def _burnt(arcs: NDArray[np.void], engines: Sequence[Thrust], begin: float, end: float) -> float:
     """Return the propellant of the given thrust intervals between two times, kg."""
     total = 0.0
     for engine in engines:
@@ -90,7 +90,7 @@ def _burnt(arcs: NDArray[np.void], engines: Sequence[Engine], begin: float, end:
 
 def _burnout(
     arcs: NDArray[np.void],
-    engines: Sequence[Engine],
+    engines: Sequence[Thrust],
     begin: float,
     left: float,
     low: float,
@@ -100,7 +100,7 @@ def _burnout(
     return float(brentq(lambda t: _burnt(arcs, engines, begin, t) - left, low, high, xtol=1e-12))
 
 
-def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float) -> list[Engine]:
+def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float) -> list[Thrust]:
     """Return the tail-off still running at a start in the coast after it."""
     for k in range(present, 0, -1):
         if arcs[k]["begins_stage"] == 1:
@@ -108,7 +108,7 @@ def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float
         if arcs[k - 1]["kind"] == BURN:
             times, _ = _curve(arcs[k - 1], "tail")
             if len(times) and begin + times[-1] > now:
-                return [Engine(k - 1, begin, begin + float(times[-1]), True)]
+                return [Thrust(k - 1, begin, begin + float(times[-1]), True)]
             break
         begin -= float(arcs[k - 1]["duration"])
     return []
@@ -148,18 +148,18 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         end = t_meco if k == last else begin + float(arc["duration"])
         spent = False
         if arc["kind"] == BURN:
-            engine = Engine(k, begin, end, False)
+            engine = Thrust(k, begin, end, False)
             # the start may be lighter than the empty stage
             left = max(0.0, float(arc["propellant"]) - used)
             # a throttled burn ends by the clock: the mission file has enough propellant
             if k != last and not is_throttled(arc):
                 far = min(end, begin + 1e5)
-                trial = [*running, Engine(k, begin, far, False)]
+                trial = [*running, Thrust(k, begin, far, False)]
                 excess = _burnt(arcs, trial, stage_begin, far) - left
                 if excess > 1e-6 * float(arc["mass_flow"]):
                     spent = True
                     end = _burnout(arcs, trial, stage_begin, left, max(begin, now), far)
-                    engine = Engine(k, begin, end, False)
+                    engine = Thrust(k, begin, end, False)
             running.append(engine)
             plan.engines.append(engine)
             # knots of a table up to the end of the burn, except for rounding
@@ -167,7 +167,7 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
             plan.breaks.update(knots[knots < end - _SAME_TIME])
             tail_times, _ = _curve(arc, "tail")
             if len(tail_times) and not spent:
-                tail = Engine(k, end, end + float(tail_times[-1]), True)
+                tail = Thrust(k, end, end + float(tail_times[-1]), True)
                 running.append(tail)
                 plan.engines.append(tail)
                 plan.breaks.update(end + tail_times)
@@ -184,7 +184,7 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         if arcs[k]["begins_stage"] == 1:
             plan.stagings.append((begin, k))
             # the tail-off of a separated stage does not count
-            plan.engines = [Engine(e.arc, e.begin, min(e.end, begin), e.tail) for e in plan.engines]
+            plan.engines = [Thrust(e.arc, e.begin, min(e.end, begin), e.tail) for e in plan.engines]
             running, used, stage_begin = [], 0.0, begin
     plan.breaks = {t for t in plan.breaks if now < t < plan.end} | {plan.end}
     return plan
@@ -204,7 +204,7 @@ def throttle(arc: Record, mass: float) -> float:
 
 
 def thrust_and_flow(
-    arcs: NDArray[np.void], engines: Sequence[Engine], t: float, mass: float
+    arcs: NDArray[np.void], engines: Sequence[Thrust], t: float, mass: float
 ) -> tuple[float, float]:
     """Return thrust, N, and mass flow, kg/s, at a time and a mass, kg."""
     thrust = 0.0
@@ -217,7 +217,7 @@ def thrust_and_flow(
 
 
 def spared_by_throttle(
-    arcs: NDArray[np.void], engines: Sequence[Engine], burnt: float, begin: float, end: float
+    arcs: NDArray[np.void], engines: Sequence[Thrust], burnt: float, begin: float, end: float
 ) -> float:
     """Return the propellant that throttling saved in the last stage in a piece, kg."""
     stage = arcs[-1]["stage"]
@@ -226,7 +226,7 @@ def spared_by_throttle(
     return _burnt(arcs, engines, begin, end) - burnt
 
 
-def running(engines: Sequence[Engine], begin: float, end: float) -> list[Engine]:
+def running(engines: Sequence[Thrust], begin: float, end: float) -> list[Thrust]:
     """Return the thrust intervals that cover a piece of the flight."""
     middle = 0.5 * (begin + end)
     return [engine for engine in engines if engine.begin < middle < engine.end]

@@ -40,7 +40,7 @@ PART = 50
 
 
 @dataclass(frozen=True)
-class Point:
+class AbortPoint:
     """Hold the results of one failure at one time.
 
     Attributes:
@@ -123,7 +123,7 @@ class MapRow:
     """Hold one failure at all its times."""
 
     name: str
-    points: tuple[Point, ...]
+    points: tuple[AbortPoint, ...]
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,12 @@ class AbortMap:
     way: NDArray[np.void]
 
     @property
-    def points(self) -> list[Point]:
+    def points(self) -> list[AbortPoint]:
         """Return the points of all rows."""
         return [point for row in self.rows for point in row.points]
 
     @property
-    def wrong(self) -> list[Point]:
+    def wrong(self) -> list[AbortPoint]:
         """Return the implausible points."""
         return [point for point in self.points if point.wrong]
 
@@ -328,7 +328,7 @@ class MapMaker:
         )
         self._way = _flown_way(self._mission, settings.law)
         self._own = threading.local()
-        self._points: dict[tuple[int, int], Point] = {}
+        self._points: dict[tuple[int, int], AbortPoint] = {}
 
     @property
     def count(self) -> int:
@@ -378,17 +378,17 @@ class MapMaker:
             for k in numbers:
                 self._points[i, k] = self._sought_anew(optimizer, self._points[i, k])
 
-    def _point(self, optimizer: Optimizer, row: FailureRow, k: int) -> Point:
+    def _point(self, optimizer: Optimizer, row: FailureRow, k: int) -> AbortPoint:
         failure, at_s = row.failures[k], row.at_s[k]
         try:
             optimum = optimizer.knew(failure)
             told = optimizer.told(failure, self._state_before(failure, at_s))
-            return self._whether_dear(Point(at_s, failure, optimum, told, self._fly(failure)))
+            return self._whether_dear(AbortPoint(at_s, failure, optimum, told, self._fly(failure)))
         except ValueError as problem:
             error = " ".join(str(problem).split())
-            return Point(at_s, failure, NOWHERE, NOWHERE, NOWHERE, error)
+            return AbortPoint(at_s, failure, NOWHERE, NOWHERE, NOWHERE, error)
 
-    def _sought_anew(self, optimizer: Optimizer, point: Point) -> Point:
+    def _sought_anew(self, optimizer: Optimizer, point: AbortPoint) -> AbortPoint:
         """Return a point with the better optima: its own, or continued from the point before."""
         if point.error:
             return point
@@ -398,7 +398,7 @@ class MapMaker:
         told = better(point.exact or point.told, told)
         return self._whether_dear(replace(point, optimum=optimum, told=told, exact=None))
 
-    def _whether_dear(self, point: Point) -> Point:
+    def _whether_dear(self, point: AbortPoint) -> AbortPoint:
         """Replace the optimum at a costly target in the last minute by its bound."""
         late = point.at_s > self._nominal.time_s - LATE_S
         burns = point.told.time_s > point.at_s + SAME_TIME

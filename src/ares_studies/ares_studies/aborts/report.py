@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import Any
 
 from ares_models.judge import End
-from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
+from ares_studies.aborts.abort_map import ACCURACY, AbortMap, AbortPoint, MapRow
 from ares_studies.aborts.ends import Reached
 from ares_studies.flight_page.globe import Globe, spot, way_beside_others
 from ares_studies.flight_page.land import land_on
@@ -21,11 +21,11 @@ from ares_studies.pages.parts import (
     Figure,
     Guide,
     Item,
+    PageTable,
     Role,
     Row,
     Series,
     Shape,
-    Table,
     line,
     number,
     word,
@@ -103,7 +103,7 @@ class Falls:
     globe: Globe
     key: tuple[tuple[str, Role, int, Shape], ...]
     placed: bool
-    table: Table
+    table: PageTable
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class MapReport:
 
     title: str
     facts: Mapping[str, str]
-    headline: Table
+    headline: PageTable
     strips: Mapping[str, tuple[Strip, ...]]
     ticks: tuple[tuple[float, str], ...]
     chapters: tuple[Chapter, ...]
@@ -228,7 +228,7 @@ def _strip(made: AbortMap, row: MapRow, field: str, who: str) -> Strip:
 
 
 def _runs(
-    row: MapRow, step_s: float, key: Callable[[Point], Any]
+    row: MapRow, step_s: float, key: Callable[[AbortPoint], Any]
 ) -> Iterator[tuple[Any, list[float]]]:
     """Yield intervals of times whose points have equal keys."""
     for found, points in groupby(row.points, key):
@@ -249,7 +249,7 @@ def _from_to(times: list[float]) -> str:
 # ---- numbers
 
 
-def _headline(made: AbortMap) -> Table:
+def _headline(made: AbortMap) -> PageTable:
     rows = []
     knew, told = made.shares(), made.shares(told=True)
     for name in knew:
@@ -272,7 +272,7 @@ def _headline(made: AbortMap) -> Table:
         finding += (
             f" {len(made.wrong):,} points failed: the flight did better than the optimizer found."
         )
-    return Table(columns, tuple(rows), finding)
+    return PageTable(columns, tuple(rows), finding)
 
 
 def _percent(value: float) -> Cell:
@@ -300,7 +300,7 @@ def _ends_table(made: AbortMap) -> Item:
         Column("as the one that knew"),
         Column("as the one told"),
     )
-    return Item("", "table", "", "Ends by failure", "", Table(columns, tuple(rows)))
+    return Item("", "table", "", "Ends by failure", "", PageTable(columns, tuple(rows)))
 
 
 def _beyond_table(made: AbortMap) -> Item:
@@ -331,10 +331,10 @@ def _beyond_table(made: AbortMap) -> Item:
     )
     finding = "The mass is that of the worst point." if rows else "There is none."
     title = f"Otherwise, or more than {100 * ACCURACY:g} % from the optimum"
-    return Item("", "table", "", title, "", Table(columns, tuple(rows), finding))
+    return Item("", "table", "", title, "", PageTable(columns, tuple(rows), finding))
 
 
-def _most(points: list[Point], field: str) -> Cell:
+def _most(points: list[AbortPoint], field: str) -> Cell:
     """Return the largest loss of mass against the optimum among equal ends."""
     shares = [
         _short(point, getattr(point, field))
@@ -344,7 +344,7 @@ def _most(points: list[Point], field: str) -> Cell:
     return number(max(shares, key=abs), 2) if shares else word("")
 
 
-def _short(point: Point, best: Reached) -> float:
+def _short(point: AbortPoint, best: Reached) -> float:
     """Return the loss of final mass in percent; nan if the ends differ."""
     if point.flown.end is not best.end or best.end is End.SUBORBITAL:
         return math.nan
@@ -462,11 +462,11 @@ def _place(latitude_deg: float, longitude_deg: float) -> str:
     return f"{abs(latitude_deg):.2f}° {north}, {abs(longitude_deg):.2f}° {east}"
 
 
-def _fall_table(made: AbortMap) -> Table:
+def _fall_table(made: AbortMap) -> PageTable:
     fallen = Counter(point.flown.area for point in made.points if point.flown.falls)
     names = {"": "outside all areas", **{name: name for name in made.areas}}
     rows = [Row(text, (Cell(f"{fallen[name]:,}", fallen[name]),)) for name, text in names.items()]
-    return Table((Column("flights that fall"),), tuple(rows))
+    return PageTable((Column("flights that fall"),), tuple(rows))
 
 
 def _seen(items: list[Item]) -> list[Item]:

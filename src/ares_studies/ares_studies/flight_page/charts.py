@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_studies.flight_page.data import Flight, span_of
+from ares_studies.flight_page.data import DrawnFlight, span_of
 from ares_studies.flight_page.land import coasts, land_on
 from ares_studies.pages.parts import (
     Axis,
@@ -65,24 +65,26 @@ class Chart:
     title: str
     see: str
     axis: Axis
-    lines: Callable[[Flight], Sequence[Line]]
-    level: Callable[[Flight], tuple[str, float] | None] = lambda _flight: None
+    lines: Callable[[DrawnFlight], Sequence[Line]]
+    level: Callable[[DrawnFlight], tuple[str, float] | None] = lambda _flight: None
     x: Axis | None = None
     least: float = 0.0
     is_map: bool = False
 
 
-def _state(name: str, scale: float = 1.0, digits: int = 3) -> Callable[[Flight], Sequence[Line]]:
+def _state(
+    name: str, scale: float = 1.0, digits: int = 3
+) -> Callable[[DrawnFlight], Sequence[Line]]:
     """Make one line: a column of the states."""
 
-    def lines(flight: Flight) -> Sequence[Line]:
+    def lines(flight: DrawnFlight) -> Sequence[Line]:
         y = getattr(flight.states, name) * scale
         return [Line("", flight.states.time_s, y, digits)]
 
     return lines
 
 
-def _speeds(flight: Flight) -> Sequence[Line]:
+def _speeds(flight: DrawnFlight) -> Sequence[Line]:
     states = flight.states
     return [
         Line("inertial", states.time_s, states.speed_m_s, 2),
@@ -90,28 +92,28 @@ def _speeds(flight: Flight) -> Sequence[Line]:
     ]
 
 
-def _over_range(flight: Flight) -> Sequence[Line]:
+def _over_range(flight: DrawnFlight) -> Sequence[Line]:
     states = flight.states
     return [Line("", states.range_m / 1e3, states.altitude_m / 1e3, 3, t=states.time_s)]
 
 
-def _ground_track(flight: Flight) -> Sequence[Line]:
+def _ground_track(flight: DrawnFlight) -> Sequence[Line]:
     """Make the track; unwrap the longitude beyond 180 deg."""
     track = flight.states.track
     longitude = np.unwrap(track.longitude_deg, period=360.0)
     return [Line("", longitude, track.latitude_deg, 4, t=flight.states.time_s)]
 
 
-def _propellant(flight: Flight) -> Sequence[Line]:
+def _propellant(flight: DrawnFlight) -> Sequence[Line]:
     if not np.any(np.isfinite(flight.propellant_kg)):
         return []
     return [Line("", flight.states.time_s, flight.propellant_kg / 1e3, 3)]
 
 
-def _optimality(*columns: tuple[str, str, int]) -> Callable[[Flight], Sequence[Line]]:
+def _optimality(*columns: tuple[str, str, int]) -> Callable[[DrawnFlight], Sequence[Line]]:
     """Make lines of an optimum's conditions: name, column, decimals; none for a flown flight."""
 
-    def lines(flight: Flight) -> Sequence[Line]:
+    def lines(flight: DrawnFlight) -> Sequence[Line]:
         proof = flight.optimality
         if proof is None:
             return []
@@ -125,24 +127,26 @@ def _optimality(*columns: tuple[str, str, int]) -> Callable[[Flight], Sequence[L
     return lines
 
 
-def _zero(flight: Flight) -> tuple[str, float] | None:
+def _zero(flight: DrawnFlight) -> tuple[str, float] | None:
     return None if flight.optimality is None else ("", 0.0)
 
 
-def _heating(flight: Flight) -> Sequence[Line]:
+def _heating(flight: DrawnFlight) -> Sequence[Line]:
     heating = flight.states.heating_w_m2
     return [Line("", flight.states.time_s, np.where(heating > 0.0, heating, np.nan), 4)]
 
 
-def _heating_limit(flight: Flight) -> tuple[str, float] | None:
+def _heating_limit(flight: DrawnFlight) -> tuple[str, float] | None:
     limit = flight.heating_limit_w_m2
     return None if limit is None else (f"limit, {limit:,.0f} W/m2", limit)
 
 
-def _guidance(name: str, digits: int, *, step: bool = False) -> Callable[[Flight], Sequence[Line]]:
+def _guidance(
+    name: str, digits: int, *, step: bool = False
+) -> Callable[[DrawnFlight], Sequence[Line]]:
     """Make one line: a column of the guidance status; none if it is never known."""
 
-    def lines(flight: Flight) -> Sequence[Line]:
+    def lines(flight: DrawnFlight) -> Sequence[Line]:
         if flight.guidance is None:
             return []
         y = getattr(flight.guidance, name)
@@ -153,8 +157,8 @@ def _guidance(name: str, digits: int, *, step: bool = False) -> Callable[[Flight
     return lines
 
 
-def _navigation(name: str, scale: float, digits: int) -> Callable[[Flight], Sequence[Line]]:
-    def lines(flight: Flight) -> Sequence[Line]:
+def _navigation(name: str, scale: float, digits: int) -> Callable[[DrawnFlight], Sequence[Line]]:
+    def lines(flight: DrawnFlight) -> Sequence[Line]:
         if flight.navigation is None:
             return []
         return [
@@ -367,7 +371,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
 
 
 def make_chapters(
-    flights: Sequence[Flight], names: Sequence[str], instants: Sequence[Guide]
+    flights: Sequence[DrawnFlight], names: Sequence[str], instants: Sequence[Guide]
 ) -> tuple[Chapter, ...]:
     """Make the charts of some flights, numbered; leave out those without data.
 
@@ -402,7 +406,9 @@ def make_chapters(
     return tuple(chapters)
 
 
-def _series(chart: Chart, flights: Sequence[Flight], names: Sequence[str]) -> tuple[Series, ...]:
+def _series(
+    chart: Chart, flights: Sequence[DrawnFlight], names: Sequence[str]
+) -> tuple[Series, ...]:
     """Make the lines of a chart: one flight, a colour per line; several, a colour per flight."""
     found = []
     for k, flight in enumerate(flights):
@@ -431,7 +437,7 @@ _BESIDE_DEG = 1.0
 _LAND_BEYOND = 6.0
 
 
-def _with_land(figure: Figure, flight: Flight) -> Figure:
+def _with_land(figure: Figure, flight: DrawnFlight) -> Figure:
     """Fit a map to its tracks and add the coasts around them."""
     x, y = ([v for one in figure.series for v in getattr(one, k) if v is not None] for k in "xy")
     spans = [
@@ -454,7 +460,7 @@ def _with_land(figure: Figure, flight: Flight) -> Figure:
     )
 
 
-def _levels(chart: Chart, flights: Sequence[Flight]) -> tuple[Guide, ...]:
+def _levels(chart: Chart, flights: Sequence[DrawnFlight]) -> tuple[Guide, ...]:
     """Return the horizontal line that all flights share."""
     levels = {chart.level(flight) for flight in flights}
     level = levels.pop()

@@ -13,7 +13,7 @@ from ares_models.mission import Mission
 from ares_models.orbits import Elements
 from ares_studies.flight_page.budget import Budget, make_budget, propellant_left
 from ares_studies.flight_page.geometry import (
-    Track,
+    GroundTrack,
     ground_range,
     ground_track,
     impact_track,
@@ -123,7 +123,7 @@ class States:
     inclination_deg: Array
     eccentricity: Array
     range_m: Array
-    track: Track
+    track: GroundTrack
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class NavigationDeviation:
 
 
 @dataclass(frozen=True)
-class Flight:
+class DrawnFlight:
     """Hold a flight, ready to be drawn.
 
     Attributes:
@@ -174,14 +174,14 @@ class Flight:
     guidance: Guidance | None
     navigation: NavigationDeviation | None
     impact_time_s: Array
-    impact: Track
+    impact: GroundTrack
     heating_limit_w_m2: float | None
     propellant_kg: Array
     budget: Budget
     optimality: Optimality | None
 
 
-def make_flight(recording: Recording) -> Flight:
+def make_flight(recording: Recording) -> DrawnFlight:
     """Convert a recording to series."""
     mission, truth = recording.mission, recording.truth
     rows = chosen(truth)
@@ -190,7 +190,7 @@ def make_flight(recording: Recording) -> Flight:
     falls = rows[_spread(len(rows), MAX_IMPACTS)]
     limits = [part.heating_limit_w_m2 for part in mission.jettisons if part.heating_limit_w_m2]
     left = propellant_left(truth["mass"], truth["arc"], truth["jettisoned"], mission.arrays())
-    return Flight(
+    return DrawnFlight(
         name=recording.name,
         law=recording.law,
         mission=mission,
@@ -341,7 +341,7 @@ def _navigation_deviation(navigation: Columns, truth: Columns) -> NavigationDevi
     return NavigationDeviation(navigation["time"][ours], position, velocity)
 
 
-def span_of(flights: Sequence[Flight]) -> tuple[float, float]:
+def span_of(flights: Sequence[DrawnFlight]) -> tuple[float, float]:
     """Return first and last time of some flights, s."""
     return (
         min(float(flight.states.time_s[0]) for flight in flights),

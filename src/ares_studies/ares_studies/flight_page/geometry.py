@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Track:
+class GroundTrack:
     """Hold points on the ground, shape (n,), deg: geocentric latitude, longitude east of zero."""
 
     latitude_deg: Array
@@ -62,7 +62,7 @@ def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[A
     return np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))), np.degrees(np.arctan2(across, ahead))
 
 
-def ground_track(time: Array, position: Array, earth: Earth) -> Track:
+def ground_track(time: Array, position: Array, earth: Earth) -> GroundTrack:
     """Compute the ground track on the rotating Earth.
 
     Unless the mission defines it, the inertial x axis points to longitude zero at mission time 0,
@@ -75,10 +75,10 @@ def ground_track(time: Array, position: Array, earth: Earth) -> Track:
     """
     places = [earth.latitude_longitude(r, t) for t, r in zip(time, position, strict=True)]
     degrees = np.degrees(np.array(places).reshape(-1, 2))
-    return Track(degrees[:, 0], degrees[:, 1])
+    return GroundTrack(degrees[:, 0], degrees[:, 1])
 
 
-def ground_range(track: Track, radius: float) -> Array:
+def ground_range(track: GroundTrack, radius: float) -> Array:
     """Compute the length of a track on a sphere up to each point, shape (n,), m.
 
     Args:
@@ -110,7 +110,7 @@ def impact_time(position: Array, velocity: Array, environment: Record) -> float:
 
 def impact_track(
     time: Array, position: Array, velocity: Array, environment: Record, earth: Earth
-) -> Track:
+) -> GroundTrack:
     """Compute instantaneous impact points, for the thrust ending at each state.
 
     Args:
@@ -131,4 +131,4 @@ def impact_track(
             continue
         places.append(earth.latitude_longitude(down, float(t) + span))
     degrees = np.degrees(np.array(places).reshape(-1, 2))
-    return Track(degrees[:, 0], degrees[:, 1])
+    return GroundTrack(degrees[:, 0], degrees[:, 1])

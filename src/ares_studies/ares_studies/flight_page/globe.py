@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ares_models.mission import Mission
 from ares_studies.flight_page.charts import ROLES
-from ares_studies.flight_page.data import Flight, Phase
+from ares_studies.flight_page.data import DrawnFlight, Phase
 from ares_studies.flight_page.geometry import ground_track
 from ares_studies.flight_page.land import land_on
 from ares_studies.pages.parts import Role, Shape
@@ -149,7 +149,7 @@ def spot(name: str, role: Role, latitude_deg: float, longitude_deg: float) -> Gl
     )
 
 
-def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:
+def make_globe(flights: Sequence[DrawnFlight], names: Sequence[str], ends: Sequence[str]) -> Globe:
     """Make the globe of some flights.
 
     Args:
@@ -168,7 +168,7 @@ def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[s
     )
 
 
-def _flight(flight: Flight, name: str, role: Role, together: bool) -> GlobeFlight:
+def _flight(flight: DrawnFlight, name: str, role: Role, together: bool) -> GlobeFlight:
     states = flight.states
     radius = flight.mission.environment.earth.equatorial_radius_m
     return GlobeFlight(
@@ -183,7 +183,7 @@ def _flight(flight: Flight, name: str, role: Role, together: bool) -> GlobeFligh
     )
 
 
-def _impact(flight: Flight) -> dict[str, Any]:
+def _impact(flight: DrawnFlight) -> dict[str, Any]:
     falls = np.isfinite(flight.impact.latitude_deg)
     return {
         "impact_time_s": rounded(flight.impact_time_s[falls], 2),

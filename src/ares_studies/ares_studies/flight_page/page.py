@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ares_studies.flight_page.charts import ROLES, make_chapters
-from ares_studies.flight_page.data import Flight
+from ares_studies.flight_page.data import DrawnFlight
 from ares_studies.flight_page.globe import Globe, make_globe
-from ares_studies.pages.parts import Chapter, Guide, Role, Table
+from ares_studies.pages.parts import Chapter, Guide, PageTable, Role
 from ares_studies.pages.templates import make_environment, one_line, render_report
 
 #: Most flights on a page, one colour each.
@@ -66,7 +66,7 @@ class Account:
     problems: tuple[str, ...]
     key_numbers: tuple[tuple[str, str, str], ...]
     facts: tuple[tuple[str, str], ...]
-    tables: Mapping[str, Table | None]
+    tables: Mapping[str, PageTable | None]
     end: str
     events: tuple[Happening, ...]
     marks: tuple[Guide, ...]
@@ -94,16 +94,16 @@ class FlightReport:
     command: str
     accounts: tuple[Account, ...]
     roles: tuple[Role, ...]
-    comparison: Table | None
+    comparison: PageTable | None
     chapters: tuple[Chapter, ...]
     globe: Globe
     placed: bool
 
 
 def make_report(
-    flights: Sequence[Flight],
+    flights: Sequence[DrawnFlight],
     accounts: Sequence[Account],
-    comparison: Table | None,
+    comparison: PageTable | None,
     kicker: str = "",
     command: str = "ares report",
 ) -> FlightReport:

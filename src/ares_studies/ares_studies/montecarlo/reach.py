@@ -13,7 +13,7 @@ from typing import Any
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_studies.montecarlo.flights import Settings
-from ares_studies.montecarlo.table import Outcome
+from ares_studies.montecarlo.table import Verdict
 from ares_vehicle_sim.simulator import true_vehicle
 
 #: Wall time limit of one solution, s; an optimum takes some 10 ms.
@@ -79,5 +79,5 @@ def reaches(settings: Settings, failures: Iterable[dict[str, Any]]) -> dict[int,
     return {
         row["flight"]: reach(settings, row["flight"])
         for row in failures
-        if row["outcome"] != Outcome.ERROR
+        if row["outcome"] != Verdict.ERROR
     }

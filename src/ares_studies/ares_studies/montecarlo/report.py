@@ -39,11 +39,11 @@ from ares_studies.pages.parts import (
     Figure,
     Guide,
     Item,
+    PageTable,
     Role,
     Row,
     Series,
     Shape,
-    Table,
     about,
     number,
     word,
@@ -135,8 +135,8 @@ class CampaignReport:
 
     title: str
     facts: Mapping[str, str]
-    headline: Table
-    masses: Table
+    headline: PageTable
+    masses: PageTable
     chapters: tuple[Chapter, ...]
     cases: Mapping[str, tuple[Case, ...]]
     globe: Globe
@@ -226,7 +226,7 @@ def drawn_name(column: str) -> str:
     return column
 
 
-def _headline(summary: Summary) -> Table:
+def _headline(summary: Summary) -> PageTable:
     tally = summary.tally
     rows = []
     for name, label in FLAG_NAMES.items():
@@ -239,7 +239,7 @@ def _headline(summary: Summary) -> Table:
         )
         rows.append(Row(label, cells))
     columns = (Column("flights"), Column("share"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
-    return Table(columns, tuple(rows), _failures_text(summary))
+    return PageTable(columns, tuple(rows), _failures_text(summary))
 
 
 def _failures_text(summary: Summary) -> str:
@@ -253,7 +253,7 @@ def _failures_text(summary: Summary) -> str:
     return f"Failures by their first reason: {told}."
 
 
-def _masses(summary: Summary) -> Table:
+def _masses(summary: Summary) -> PageTable:
     tally, reserve = summary.tally, summary.reserve
     rows = []
     intervals = tally.mass_intervals()
@@ -277,7 +277,7 @@ def _masses(summary: Summary) -> Table:
         Row("of it beyond the nominal flight, kg", (number(reserve.reserve_kg, 0), word("")))
     )
     columns = (Column("value"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
-    return Table(columns, tuple(rows))
+    return PageTable(columns, tuple(rows))
 
 
 def _results_text(summary: Summary) -> str:
@@ -515,7 +515,7 @@ def _influence_items(summary: Summary) -> list[Item]:
         f"{RESULT_NAMES[told[0]][0]} most: {about(strongest.correlation**2)} of the variance of "
         "its ranks."
     )
-    table = Table(columns, tuple(rows), finding)
+    table = PageTable(columns, tuple(rows), finding)
     items = [Item("", "table", "", "Rank correlation with what was drawn", "", table)]
     for name in told:
         draw = next(iter(found[name]))

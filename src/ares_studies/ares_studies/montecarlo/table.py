@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ares_models.judge import FIGURES, End, Figure
+from ares_models.judge import FIGURES, End, JudgedQuantity
 from ares_studies.montecarlo.flights import Flown
 from ares_vehicle_sim.arrays import DEPLETION, IMPACT, TIME_LIMIT
 
 
-class Outcome(StrEnum):
-    """Name the outcomes of a flight; the first that applies counts."""
+class Verdict(StrEnum):
+    """Name the verdicts on a flight; the first that applies counts."""
 
     ERROR = "error"
     IMPACT = "impact"
@@ -47,7 +47,7 @@ _DECIMALS = {
 }
 
 
-def error_column(figure: Figure) -> str:
+def error_column(figure: JudgedQuantity) -> str:
     """Return the name of the column with the error of a figure."""
     return f"{figure.name}_error{figure.suffix}"
 
@@ -115,12 +115,12 @@ def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -
         data[name] = flag
     data["succeeded"] = good
     bad = np.flatnonzero(~good)
-    outcomes = np.full(count, Outcome.SUCCESS, dtype=object)
+    outcomes = np.full(count, Verdict.SUCCESS, dtype=object)
     failures = np.full(count, None, dtype=object)
     for k in bad.tolist():
         error = flown.errors.get(flown.first + k)
         if error is not None:
-            outcomes[k], failures[k] = Outcome.ERROR, error
+            outcomes[k], failures[k] = Verdict.ERROR, error
         else:
             outcomes[k], failures[k] = explain(results[k], jettisons)
     ends = [str(end) for end in End]
@@ -130,7 +130,7 @@ def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -
     return pa.table(data, schema=schema(columns))
 
 
-def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
+def explain(result: Any, jettisons: Sequence[str]) -> tuple[Verdict, str]:
     """Return why a flight failed: the first outcome that applies, and all reasons in words.
 
     Args:
@@ -139,25 +139,25 @@ def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
     """
     reasons = []
     if result["ended"] == IMPACT:
-        reasons.append((Outcome.IMPACT, f"met the ground at {result['end_time']:.1f} s"))
+        reasons.append((Verdict.IMPACT, f"met the ground at {result['end_time']:.1f} s"))
     if result["ended"] == TIME_LIMIT:
-        reasons.append((Outcome.TIME_LIMIT, f"not over at {result['end_time']:.1f} s"))
+        reasons.append((Verdict.TIME_LIMIT, f"not over at {result['end_time']:.1f} s"))
     if not result["converged"]:
-        reasons.append((Outcome.NOT_CONVERGED, "guidance never converged"))
+        reasons.append((Verdict.NOT_CONVERGED, "guidance never converged"))
     if result["ended"] == DEPLETION:
         reasons.append(
-            (Outcome.DEPLETION, f"propellant gone at {result['end_time']:.1f} s, before cut-off")
+            (Verdict.DEPLETION, f"propellant gone at {result['end_time']:.1f} s, before cut-off")
         )
     misses = _misses(result)
     if misses:
-        reasons.append((Outcome.TARGET_MISSED, "target missed: " + ", ".join(misses)))
+        reasons.append((Verdict.TARGET_MISSED, "target missed: " + ", ".join(misses)))
     on_board = [name for k, name in enumerate(jettisons) if int(result["on_board"]) >> k & 1]
     if on_board:
-        reasons.append((Outcome.FAIRING_ON, f"{', '.join(on_board)} on at cut-off"))
+        reasons.append((Verdict.FAIRING_ON, f"{', '.join(on_board)} on at cut-off"))
     if not result["heating_kept"]:
         heating, limit = result["jettison_heating"], result["jettison_limit"]
         text = f"heating at jettison {heating:.1f} W/m2, limit {limit:.1f}"
-        reasons.append((Outcome.HEATING_EXCEEDED, text))
+        reasons.append((Verdict.HEATING_EXCEEDED, text))
     return reasons[0][0], "; ".join(text for _, text in reasons)
 
 

@@ -54,7 +54,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Hold a table.
 
     Attributes:
@@ -149,7 +149,7 @@ class Item:
     name: str
     title: str
     see: str
-    content: Table | Figure
+    content: PageTable | Figure
     wide: bool = False
 
 

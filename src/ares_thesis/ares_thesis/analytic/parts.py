@@ -92,9 +92,9 @@ class Ascent:
         """Return the dropped mass over the mass flow of the second stage, s."""
         return float(self.arrays.jettisons[0]["mass"] / self.arrays.arcs[1]["mass_flow"])
 
-    def heating(self) -> target_search.Heating:
+    def heating(self) -> target_search.HeatingLimit:
         """Return the heating limit for the kernels."""
-        return target_search.Heating(
+        return target_search.HeatingLimit(
             self.arrays.environment,
             self.arrays.atmosphere,
             self.plane,

@@ -365,7 +365,7 @@ def _of_time(coefficients: Array, duration: float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _PlacedBurn:
     """Hold a burn with its place in the flight.
 
     Attributes:
@@ -411,7 +411,7 @@ class _Piece:
         return out
 
 
-def _pieces(ascent: Ascent, found: _Found) -> list[_Piece]:
+def _pieces(ascent: Ascent, found: _Found) -> list[_PlacedBurn]:
     """Return the burns in order, with their masses; burns of no length are left out."""
     arcs = ascent.arrays.arcs
     drop = 0.0 if ascent.jettisoned else float(ascent.arrays.jettisons[0]["mass"])
@@ -426,7 +426,7 @@ def _pieces(ascent: Ascent, found: _Found) -> list[_Piece]:
             if index == 1:
                 mass = float(arcs[1]["stack_mass"])
             start = work.start_s + float(burn["begin"])
-            piece = _Piece(work, index, start, turned, mass, arcs[k])
+            piece = _PlacedBurn(work, index, start, turned, mass, arcs[k])
             if piece.duration > _SHORTEST:
                 pieces.append(piece)
             mass = float(piece.mass_at(np.ones(1))[0])
@@ -435,7 +435,7 @@ def _pieces(ascent: Ascent, found: _Found) -> list[_Piece]:
     return pieces
 
 
-def _plane(ascent: Ascent, pieces: Sequence[_Piece]) -> Plane:
+def _plane(ascent: Ascent, pieces: Sequence[_PlacedBurn]) -> Plane:
     """Return the plane of the flight in space."""
     last = pieces[-1]
     radius, speed, sine, range_angle = last.samples(np.ones(1))[0, :4].tolist()
@@ -459,7 +459,7 @@ def _in_space(ascent: Ascent, plane: Plane, time_s: Array, samples: Array) -> Tr
 
 
 def _sampled(
-    ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]
+    ascent: Ascent, plane: Plane, pieces: Sequence[_PlacedBurn]
 ) -> tuple[PlanarFlight, Trajectory]:
     """Sample the closed forms every second and at the ends of burns, planar and in space."""
     grids = [
@@ -480,7 +480,7 @@ def _sampled(
     )
 
 
-def _steering_arc(ascent: Ascent, plane: Plane, piece: _Piece) -> SteeringArc:
+def _steering_arc(ascent: Ascent, plane: Plane, piece: _PlacedBurn) -> SteeringArc:
     """Return the linear law through the directions at start, middle and end of a burn."""
     x = np.array([0.0, 0.5, 1.0])
     times = piece.start_s + piece.duration * x
@@ -502,7 +502,7 @@ def _steering_arc(ascent: Ascent, plane: Plane, piece: _Piece) -> SteeringArc:
     )
 
 
-def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solution:
+def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_PlacedBurn]) -> Solution:
     """Build a solution with times, masses and steering, without trajectory and counts."""
     arcs = tuple(_steering_arc(ascent, plane, piece) for piece in pieces)
     last = arcs[-1]

@@ -11,8 +11,8 @@ from ares_studies.pages.parts import (
     BESIDE,
     Cell,
     Column,
+    PageTable,
     Row,
-    Table,
     about,
     beside,
     number,
@@ -111,14 +111,14 @@ def _duration(
     return Row(label, (word(condition), *(number(last(ascent), 2) for ascent in ascents)))
 
 
-def table_5_1(s: Sources) -> Table:
+def table_5_1(s: Sources) -> PageTable:
     """Tabulate the parameters of part one, with their converged values."""
     ascents = _ascents(s)
     start = s.mission.initial_state.time_s
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
     free = dict.fromkeys(("radius", "speed", "gamma"), "free")
     theta = {"theta": "free"}
-    return Table(
+    return PageTable(
         _CONDITIONS,
         (
             *_event("Start", ascents, lambda _: start, known | theta),
@@ -140,11 +140,11 @@ def table_5_1(s: Sources) -> Table:
     )
 
 
-def table_5_2(s: Sources) -> Table:
+def table_5_2(s: Sources) -> PageTable:
     """Tabulate the parameters of part two, with their converged values."""
     ascents = _ascents(s)
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
-    return Table(
+    return PageTable(
         _CONDITIONS,
         (
             *_event(
@@ -161,7 +161,7 @@ def table_5_2(s: Sources) -> Table:
     )
 
 
-def table_6_1(s: Sources) -> Table:
+def table_6_1(s: Sources) -> PageTable:
     """Tabulate the first guesses beside the optimum."""
     thesis = printed.values("table-6.1")
     ascent = optimum_ascent(s)
@@ -184,7 +184,7 @@ def table_6_1(s: Sources) -> Table:
             "Section 6.2 of the thesis; it prints no optimum for it.",
         ),
     )
-    return Table(
+    return PageTable(
         (Column("first guess", "thesis"), *_named(BESIDE, "optimum")),
         tuple(
             Row(
@@ -224,7 +224,7 @@ def _converged(found: AnalyticSolution) -> dict[str, float]:
     }
 
 
-def table_6_2(s: Sources) -> Table:
+def table_6_2(s: Sources) -> PageTable:
     """Tabulate part one, converged."""
     thesis = printed.values("table-6.3")[0]
     ascent = optimum_ascent(s)
@@ -248,7 +248,7 @@ def table_6_2(s: Sources) -> Table:
         )
         for label, key, digits, _ in _CONVERGED
     )
-    return Table(
+    return PageTable(
         (
             *BESIDE,
             Column("exact integral", "third"),
@@ -262,7 +262,7 @@ def table_6_2(s: Sources) -> Table:
     )
 
 
-def table_6_3(s: Sources) -> Table:
+def table_6_3(s: Sources) -> PageTable:
     """Compare the trapezoid with other steps and scales."""
     cases = printed.values("table-6.3")
     rows = []
@@ -284,7 +284,7 @@ def table_6_3(s: Sources) -> Table:
         steps = " and ".join(str(n) for n in case["steps"])
         rows.append(Row(f"{i + 1}. α_s = {case['scale']:g}, {steps} steps", tuple(cells)))
     spread = [max(values) - min(values) for values in times]
-    return Table(
+    return PageTable(
         (
             *(
                 Column(label.replace("Iterations", "iterations"), role)
@@ -310,7 +310,7 @@ def _part_two(found: AnalyticSolution) -> dict[str, float]:
     }
 
 
-def table_6_4(s: Sources) -> Table:
+def table_6_4(s: Sources) -> PageTable:
     """Tabulate part two, converged."""
     thesis = printed.values("table-6.4")
     ascent = optimum_ascent(s)
@@ -320,7 +320,7 @@ def table_6_4(s: Sources) -> Table:
         "theta_end_deg": ascent.at(ascent.cutoff_s)["theta"],
     }
     here, improved = _part_two(s.analytic_printed), _part_two(s.analytic_improved)
-    return Table(
+    return PageTable(
         (*BESIDE, Column("improved", "here"), Column("optimum", "other")),
         tuple(
             Row(
@@ -359,14 +359,14 @@ def _ends(ascent: PlanarAscent) -> dict[str, float]:
     }
 
 
-def table_6_5(s: Sources) -> Table:
+def table_6_5(s: Sources) -> PageTable:
     """Tabulate both parts in sequence."""
     thesis = printed.values("table-6.5")
     optimum = _ends(optimum_ascent(s))
     here, improved = (
         _ends(analytic_ascent(s, found)) for found in (s.analytic_printed, s.analytic_improved)
     )
-    return Table(
+    return PageTable(
         (
             Column("optimum", "thesis"),
             Column("optimum", "here"),
@@ -420,7 +420,7 @@ def _lateness(
     )
 
 
-def table_6_6(s: Sources) -> Table:
+def table_6_6(s: Sources) -> PageTable:
     """Tabulate scalar delta-V between events."""
     thesis = printed.values("table-6.6")
     keys = ("to_staging_km_s", "to_jettison_km_s", "to_cutoff_km_s")
@@ -441,7 +441,7 @@ def table_6_6(s: Sources) -> Table:
         for i, label in enumerate(labels)
     ]
     table.append(("All, km/s", sum(printed_values), [sum(column) for column in columns]))
-    return Table(
+    return PageTable(
         (*BESIDE, Column("improved", "here"), Column("optimum", "other")),
         tuple(
             Row(
@@ -468,7 +468,7 @@ def _delta_v_of_optimum(s: Sources) -> list[float]:
     return sums
 
 
-TABLES: dict[str, Callable[[Sources], Table]] = {
+TABLES: dict[str, Callable[[Sources], PageTable]] = {
     "table-5.1": table_5_1,
     "table-5.2": table_5_2,
     "table-6.1": table_6_1,

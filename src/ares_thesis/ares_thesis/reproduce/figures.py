@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from ares_optimizer.solution import Solution
-from ares_studies.history import Profile
+from ares_studies.history import FlightHistory
 from ares_studies.pages.parts import (
     Axis,
     Figure,
@@ -47,7 +47,7 @@ class Quantity:
     scale: float = 1e-3
     digits: int = 3
 
-    def draw(self, name: str, role: Role, profile: Profile, shape: Shape = "line") -> Series:
+    def draw(self, name: str, role: Role, profile: FlightHistory, shape: Shape = "line") -> Series:
         """Make a line of the column."""
         values = self.scale * getattr(profile, self.column)
         return line(name, role, profile.time_s, values, self.digits, shape, log=self.axis.log)
@@ -265,7 +265,7 @@ def _cases(quantity: Quantity, s: Sources) -> Figure:
 _ROUNDING = 1e-6
 
 
-def _how_far(quantity: Quantity, profiles: Sequence[Profile]) -> str:
+def _how_far(quantity: Quantity, profiles: Sequence[FlightHistory]) -> str:
     """Describe the largest distance between flights at whole seconds."""
     begin = math.ceil(profiles[0].time_s[0])
     times = np.arange(begin, min(profile.time_s[-1] for profile in profiles))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Select the most important numbers."""
 
-from ares_studies.pages.parts import Column, Role, Row, Table, number, word
+from ares_studies.pages.parts import Column, PageTable, Role, Row, number, word
 from ares_thesis.reproduce import printed
 from ares_thesis.reproduce.analytic_tables import parts
 from ares_thesis.reproduce.model import Dot
 from ares_thesis.reproduce.sources import ALL_PINS, SETTLED, Sources
 
 
-def headline(s: Sources) -> Table:
+def headline(s: Sources) -> PageTable:
     """Tabulate optimum, PEG, jump condition and start: thesis and here."""
     optimum = printed.values("table-4.1")["thesis"]
     peg = printed.values("table-6.7")
@@ -52,7 +52,7 @@ def headline(s: Sources) -> Table:
             "polynomials; see Table 6.2 for those of the thesis.",
         ),
     )
-    return Table((Column("thesis", "thesis"), Column("here", "here")), rows)
+    return PageTable((Column("thesis", "thesis"), Column("here", "here")), rows)
 
 
 def masses(s: Sources) -> tuple[Dot, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ares_studies.pages.parts import Cell, Chapter, Role, Table
+from ares_studies.pages.parts import Cell, Chapter, PageTable, Role
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Report:
     """
 
     mission: Mapping[str, str]
-    headline: Table
+    headline: PageTable
     masses: tuple[Dot, ...]
     chapters: tuple[Chapter, ...]
     errata: tuple[Erratum, ...]

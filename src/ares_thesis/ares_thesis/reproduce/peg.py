@@ -14,10 +14,10 @@ from ares_studies.pages.parts import (
     Column,
     Figure,
     Guide,
+    PageTable,
     Role,
     Row,
     Series,
-    Table,
     beside,
     line,
     marks,
@@ -74,7 +74,7 @@ def _end(s: Sources, history: History) -> dict[str, float]:
     }
 
 
-def table_6_7(s: Sources) -> Table:
+def table_6_7(s: Sources) -> PageTable:
     """Tabulate the ends of PEG's flights."""
     thesis = printed.values("table-6.7")
     here, ours = _end(s, s.peg_printed), _end(s, s.peg)
@@ -95,7 +95,7 @@ def table_6_7(s: Sources) -> Table:
         else:
             cells = beside("", thesis[key], here[key], digits).cells
             rows.append(Row(label, (*cells, number(ours[key], digits)), note))
-    return Table(
+    return PageTable(
         (
             Column("PEG", "thesis"),
             Column("PEG of the thesis", "here"),
@@ -120,7 +120,7 @@ _NOTES_6_7 = {
 }
 
 
-def table_6_8(s: Sources) -> Table:
+def table_6_8(s: Sources) -> PageTable:
     """Compare PEG with the optimum."""
     table = printed.values("table-6.8")
     here, ours = _end(s, s.peg_printed), _end(s, s.peg)
@@ -129,7 +129,7 @@ def table_6_8(s: Sources) -> Table:
         "cutoff_s": s.optimum.t_meco_s,
         "final_mass_kg": s.optimum.m_f_kg,
     }
-    return Table(
+    return PageTable(
         (
             Column("optimum", "thesis"),
             Column("optimum", "here"),
@@ -163,9 +163,9 @@ def table_6_8(s: Sources) -> Table:
     )
 
 
-def table_6_8_pins(s: Sources) -> Table:
+def table_6_8_pins(s: Sources) -> PageTable:
     """Tabulate the cost of each pin of the thesis' architecture."""
-    return Table(
+    return PageTable(
         (
             Column("jettison, s"),
             Column("cut-off, s"),
@@ -199,9 +199,9 @@ def _name_of(row: str) -> str:
     return name[0].upper() + name[1:]
 
 
-def table_6_8_thrust(s: Sources) -> Table:
+def table_6_8_thrust(s: Sources) -> PageTable:
     """Tabulate final masses with wrong thrust."""
-    return Table(
+    return PageTable(
         (
             Column("PEG of the thesis, kg", "third"),
             Column("the same, settled, kg", "third"),
@@ -225,7 +225,7 @@ def table_6_8_thrust(s: Sources) -> Table:
     )
 
 
-TABLES: dict[str, Callable[[Sources], Table]] = {
+TABLES: dict[str, Callable[[Sources], PageTable]] = {
     "table-6.7": table_6_7,
     "table-6.8": table_6_8,
     "table-6.8-pins": table_6_8_pins,

@@ -11,7 +11,7 @@ from ares_models.orbits import Insertion
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import ready_law
-from ares_studies.history import History, Profile, profile_of, record_flight
+from ares_studies.history import FlightHistory, History, profile_of, record_flight
 from ares_studies.pages.parts import number
 from ares_thesis.analytic.flight import FittedPiece, PlanarFlight, fit_flight, planar_flight
 from ares_thesis.analytic.options import AnalyticOptions
@@ -128,7 +128,7 @@ class Sources:
         return load_mission(WITH_TRANSIENTS)
 
     @cached_property
-    def transients_profile(self) -> Profile:
+    def transients_profile(self) -> FlightHistory:
         """Return the columns of the optimum with start and stop transients."""
         return profile_of(self.transients_mission, self.with_transients)
 
@@ -182,22 +182,22 @@ class Sources:
         return self.analytic(profile="improved", jettison_target="mission")
 
     @cached_property
-    def optimum_profile(self) -> Profile:
+    def optimum_profile(self) -> FlightHistory:
         """Return the columns of the optimum."""
         return profile_of(self.mission, self.optimum)
 
     @cached_property
-    def optimum14_profile(self) -> Profile:
+    def optimum14_profile(self) -> FlightHistory:
         """Return the columns of the optimum with 14 parameters."""
         return profile_of(self.mission, self.optimum14)
 
     @cached_property
-    def optimum20_profile(self) -> Profile:
+    def optimum20_profile(self) -> FlightHistory:
         """Return the columns of the optimum with 20 parameters."""
         return profile_of(self.mission, self.optimum20)
 
     @cached_property
-    def held_profile(self) -> Profile:
+    def held_profile(self) -> FlightHistory:
         """Return the columns of the optimum with the jettison at the thesis' time."""
         return profile_of(self.mission, self.held)
 

@@ -11,8 +11,8 @@ from ares_studies.pages.parts import (
     BESIDE,
     BLANK,
     Column,
+    PageTable,
     Row,
-    Table,
     beside,
     number,
     power,
@@ -24,7 +24,7 @@ from ares_thesis.reproduce.sources import Sources
 from ares_thesis.transients import mass_after_full_flow
 
 
-def table_2_1(s: Sources) -> Table:
+def table_2_1(s: Sources) -> PageTable:
     """Tabulate initial state and target."""
     thesis = printed.values("table-2.1")
     target = s.arrays.target[0]
@@ -47,7 +47,7 @@ def table_2_1(s: Sources) -> Table:
                     note=_NOTES_2_1.get((when, name), ""),
                 )
             )
-    return Table(BESIDE, tuple(rows))
+    return PageTable(BESIDE, tuple(rows))
 
 
 _INSERTION = ("radius", "speed", "flight_path_angle", "inclination")
@@ -67,7 +67,7 @@ _NOTES_2_1 = {
 }
 
 
-def table_2_2(s: Sources) -> Table:
+def table_2_2(s: Sources) -> PageTable:
     """Tabulate the vehicle, and check that its masses are consistent."""
     thesis = printed.values("table-2.2")
     core_arc, upper_arc = s.arrays.arcs[0], s.arrays.arcs[-1]
@@ -95,7 +95,7 @@ def table_2_2(s: Sources) -> Table:
         beside("Flow of the upper stage, kg/s", math.nan, float(upper_arc["mass_flow"]), 3),
     )
     closes = mass_after_full_flow(s.mission, printed.values("table-4.1")["thesis"]["cutoff_s"])
-    return Table(
+    return PageTable(
         BESIDE,
         rows,
         f"Full flow to the thesis' cut-off leaves {closes:,.0f} kg, which is what Table 4.1 "
@@ -107,7 +107,7 @@ def _isp(s: Sources, arc: int) -> float:
     return float(s.arrays.arcs[arc]["exhaust_velocity"]) / s.mission.environment.g0_m_s2
 
 
-def table_3_1(s: Sources) -> Table:
+def table_3_1(s: Sources) -> PageTable:
     """Compare inverse-square and linear gravity along the optimum."""
     thesis = printed.values("table-3.1")
     flight = s.optimum_profile
@@ -130,7 +130,7 @@ def table_3_1(s: Sources) -> Table:
                 _note_3_1(s, i),
             )
         )
-    return Table(
+    return PageTable(
         (
             Column("inverse-square, m/s²", "thesis"),
             Column("inverse-square, m/s²", "here"),
@@ -164,7 +164,7 @@ def _note_3_1(s: Sources, row: int) -> str:
     return ""
 
 
-def table_4_1(s: Sources) -> Table:
+def table_4_1(s: Sources) -> PageTable:
     """Tabulate the result of the optimization."""
     table = printed.values("table-4.1")
     otis, thesis = table["otis"], table["thesis"]
@@ -200,7 +200,7 @@ def table_4_1(s: Sources) -> Table:
     ):
         cells = beside("", thesis["final_mass_kg"], solution.m_f_kg, 1, 0).cells
         rows.append(Row(label, (word(BLANK), *cells), note))
-    return Table(
+    return PageTable(
         (
             Column("OTIS", "otis"),
             Column("thesis", "thesis"),
@@ -211,7 +211,7 @@ def table_4_1(s: Sources) -> Table:
     )
 
 
-def table_4_1_otis(s: Sources) -> Table:
+def table_4_1_otis(s: Sources) -> PageTable:
     """Compare OTIS' row of Table 4.1 with the effect of transients."""
     otis = printed.values("table-4.1")["otis"]
     rows = [
@@ -236,7 +236,7 @@ def table_4_1_otis(s: Sources) -> Table:
         word(BLANK),
         word(BLANK),
     )
-    return Table(
+    return PageTable(
         (
             Column("jettison, s"),
             Column("cut-off, s"),
@@ -279,7 +279,7 @@ def _results(solution: Solution) -> dict[str, float]:
     }
 
 
-TABLES: dict[str, Callable[[Sources], Table]] = {
+TABLES: dict[str, Callable[[Sources], PageTable]] = {
     "table-2.1": table_2_1,
     "table-2.2": table_2_2,
     "table-3.1": table_3_1,

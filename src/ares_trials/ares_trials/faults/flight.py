@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fly one trial as `ares fly --json` does: python -m ares_trials.faults.flight.
 
-The one argument is a JSON object: `options` of FlyOptions, `modules` in place of the nodes' own.
+The one argument is a JSON object: `options` of FlyOptions or parameters of nodes, `modules` in
+place of the nodes' own.
 """
 
 import json
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 from ares_bringup.fly import MODULES, fly
-from ares_bringup.options import CannotStart, FlyOptions, InitialGuess
+from ares_bringup.options import CannotStart, FlyOptions
 from ares_bringup.summary import EXIT_CANNOT_START
 
 
@@ -19,8 +21,8 @@ def main() -> int:
     options = given["options"]
     if "bag" in options:
         options["bag"] = Path(options["bag"])
-    if "initial_guess" in options:
-        options["initial_guess"] = InitialGuess(options["initial_guess"])
+    own = {item.name for item in fields(FlyOptions)}
+    options["settings"] = {name: options.pop(name) for name in set(options) - own}
     try:
         summary = fly(FlyOptions(**options), modules={**MODULES, **given["modules"]})
     except CannotStart as error:

@@ -20,7 +20,7 @@ FALSE_OPTIMIZER = {OPTIMIZER: "ares_trials.faults.false_optimizer"}
 
 
 @dataclass(frozen=True)
-class Row:
+class FaultKind:
     """Define one kind of fault.
 
     Attributes:
@@ -63,7 +63,7 @@ NO_ANSWER = ("flown without an answer from guidance",)
 CHANNELS = {"navigation": "states", "commands": "commands"}
 
 
-def _links() -> list[Row]:
+def _links() -> list[FaultKind]:
     """List lost, doubled, late and reordered messages; up to a tenth of them, and half."""
     rows = []
     for what, channel in CHANNELS.items():
@@ -73,7 +73,7 @@ def _links() -> list[Row]:
                 share = ("to 50 %" if kind == "delayed" else "50 %") if worse else "to 10 %"
                 late = (", to 3 s" if worse else ", to 1 s") if kind == "delayed" else ""
                 rows.append(
-                    Row(
+                    FaultKind(
                         f"{what} {kind}, {share}{late}",
                         "may miss, never diverges, says so" if worse else "target reached, said",
                         acts.tamper_link(channel, kind, worse),
@@ -86,9 +86,9 @@ def _links() -> list[Row]:
     return rows
 
 
-def _navigation() -> list[Row]:
+def _navigation() -> list[FaultKind]:
     return [
-        Row(
+        FaultKind(
             f"navigation {kind}",
             "refused where it can be told, counted, said; last good solution held; "
             f"target reached if {acts.recovery(kind):.0f} s are left",
@@ -101,9 +101,9 @@ def _navigation() -> list[Row]:
     ]
 
 
-def _stamps() -> list[Row]:
+def _stamps() -> list[FaultKind]:
     return [
-        Row(
+        FaultKind(
             f"stamps {kind}",
             "refused, said, the next good one taken; "
             f"target reached if {acts.TIME_TO_RECOVER:.0f} s are left, status 1",
@@ -116,9 +116,11 @@ def _stamps() -> list[Row]:
     ]
 
 
-def _commands() -> list[Row]:
+def _commands() -> list[FaultKind]:
     return [
-        Row(f"commands {kind}", REFUSED, acts.tamper_commands(kind), (said,), (0, 1), by_relay=True)
+        FaultKind(
+            f"commands {kind}", REFUSED, acts.tamper_commands(kind), (said,), (0, 1), by_relay=True
+        )
         for kind, said in (
             ("not unit", "command refused: direction has length"),
             ("not a number", "command refused: "),
@@ -138,10 +140,10 @@ FORGERIES: Mapping[str, acts.Act] = {
 }
 
 
-def _forged() -> list[Row]:
+def _forged() -> list[FaultKind]:
     """List the forged messages, in a flight without a key and in one with a key."""
     return [
-        Row(
+        FaultKind(
             f"forged, {where}: {name}",
             (f"refused, said; {UNAFFECTED}" if sealed else "contradicted, said; target reached")
             + ", status 1",
@@ -157,9 +159,9 @@ def _forged() -> list[Row]:
 
 
 ROWS = (
-    Row("guidance killed", REACHED, acts.kill_guidance, (*NO_ANSWER, "restarted (1 of 3)")),
-    Row("guidance stopped", REACHED, acts.stop_guidance, NO_ANSWER, arguments=IMPATIENT),
-    Row(
+    FaultKind("guidance killed", REACHED, acts.kill_guidance, (*NO_ANSWER, "restarted (1 of 3)")),
+    FaultKind("guidance stopped", REACHED, acts.stop_guidance, NO_ANSWER, arguments=IMPATIENT),
+    FaultKind(
         "optimizer killed",
         UNAFFECTED,
         acts.signal_optimizer("SIGKILL"),
@@ -167,7 +169,7 @@ ROWS = (
         (0,),
         options={"initial_guess": "analytic"},
     ),
-    Row(
+    FaultKind(
         "optimizer hung",
         "target reached, said",
         acts.signal_optimizer("SIGSTOP"),
@@ -175,7 +177,7 @@ ROWS = (
         (0,),
         options={"initial_guess": "analytic"},
     ),
-    Row(
+    FaultKind(
         "optimizer answers nonsense",
         "refused, said; target reached",
         acts.answer_falsely,
@@ -186,7 +188,7 @@ ROWS = (
         modules=FALSE_OPTIMIZER,
         drawn=OPTIMIZER,
     ),
-    Row(
+    FaultKind(
         "optimizer plans wrongly",
         "refused where it can be told; target reached",
         acts.answer_falsely,
@@ -197,7 +199,7 @@ ROWS = (
         modules=FALSE_OPTIMIZER,
         drawn=OPTIMIZER,
     ),
-    Row(
+    FaultKind(
         "optimizer plans another vehicle",
         "refused, said; target reached",
         acts.answer_falsely,
@@ -216,7 +218,7 @@ ROWS = (
         },
         modules=FALSE_OPTIMIZER,
     ),
-    Row(
+    FaultKind(
         "recorder killed",
         f"{UNAFFECTED}; what was flushed is saved, said, status 1",
         acts.kill_recorder,
@@ -225,7 +227,7 @@ ROWS = (
         options=RECORDED,
         after=acts.what_was_flushed_is_saved,
     ),
-    Row(
+    FaultKind(
         "disk full",
         f"{UNAFFECTED}; what was flushed is a whole bag, said, status 1",
         acts.fill_disk,
@@ -234,7 +236,7 @@ ROWS = (
         options=RECORDED,
         after=acts.what_was_flushed_is_there,
     ),
-    Row(
+    FaultKind(
         "bag's folder removed",
         f"{UNAFFECTED}; said, status 1",
         acts.remove_folder,
@@ -247,7 +249,7 @@ ROWS = (
     *_stamps(),
     *_commands(),
     *_forged(),
-    Row(
+    FaultKind(
         "commands from a second publisher",
         f"refused, counted, said; {UNAFFECTED}",
         acts.second_publisher,
@@ -256,7 +258,7 @@ ROWS = (
         by_relay=True,
         unaffected=True,
     ),
-    Row(
+    FaultKind(
         "clock stands still",
         f"old answers refused, said; {UNAFFECTED}",
         acts.stand_still,
@@ -264,7 +266,7 @@ ROWS = (
         (0,),
         unaffected=True,
     ),
-    Row(
+    FaultKind(
         "clock jumps back",
         f"old states are not answered, said; {UNAFFECTED}",
         acts.jump_back,
@@ -272,7 +274,7 @@ ROWS = (
         (0,),
         unaffected=True,
     ),
-    Row(
+    FaultKind(
         "simulator restarted",
         "a new flight, which guidance takes up by itself: target reached",
         acts.restart_simulator,
@@ -282,14 +284,14 @@ ROWS = (
         program="ares_trials.faults.by_hand",
     ),
     *(
-        Row(
+        FaultKind(
             f"signal to {verb}",
             "ends within 2 s, status right, bag readable, nothing left",
             alone=partial(signals.interrupt, verb),
         )
         for verb in signals.VERBS
     ),
-    Row(
+    FaultKind(
         "both cores loaded",
         f"{UNAFFECTED}; a paced flight says what it misses",
         acts.load_cores,

@@ -9,7 +9,7 @@ from zlib import crc32
 import numpy as np
 
 from ares_trials.faults.control import Control, undisturbed
-from ares_trials.faults.rows import ROWS, Row
+from ares_trials.faults.rows import ROWS, FaultKind
 from ares_trials.faults.scene import FlightResult, Scene
 
 #: Outcomes of a flight that has diverged or not ended.
@@ -75,7 +75,7 @@ def run(name: str, seed: int, number: int, control: Control | None = None) -> Tr
     return Trial(name, seed, number, result.value, why)
 
 
-def judge(row: Row, flown: FlightResult, control: Control) -> tuple[Class, str]:
+def judge(row: FaultKind, flown: FlightResult, control: Control) -> tuple[Class, str]:
     """Classify a flight with the reason, independent of the machine's speed."""
     wrong = _unclean(flown) or _unsaid(row, flown, control)
     if wrong:
@@ -103,7 +103,7 @@ def _unclean(flown: FlightResult) -> str:
     return ""
 
 
-def _unsaid(row: Row, flown: FlightResult, control: Control) -> str:
+def _unsaid(row: FaultKind, flown: FlightResult, control: Control) -> str:
     """Return the missing report of the fault, or the wrong status or mass; "" if all is right."""
     summary = flown.summary
     on_target = summary["outcome"] == "target"

@@ -102,7 +102,7 @@ def _serve(connection: Connection, warm: Sequence[Task]) -> None:
             connection.send("")
 
 
-class Worker:
+class AttemptWorker:
     """Run attempts in a process; replace it after a crash or a hang.
 
     Attributes:
@@ -206,7 +206,7 @@ def attempt_all(tasks: Sequence[Task], warm: Sequence[Task]) -> Iterator[Result]
     count = len(os.sched_getaffinity(0))
 
     def share(k: int) -> list[Result]:
-        worker = Worker(warm)
+        worker = AttemptWorker(warm)
         try:
             return list(chain.from_iterable(worker.attempt(task) for task in tasks[k::count]))
         finally:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ares_bringup.summary import Event, FlightSummary, MissionFacts, Status
+from ares_bringup.summary import Event, FlightSummary, GuidanceSample, MissionFacts
 from ares_guidance.arrays import LAW_PEG
 from ares_models.arrays import TARGET, TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_vehicle_sim.arrays import CUTOFF, FLIGHT_COMPLETE, FLIGHT_STARTED, JETTISON_DONE
@@ -118,9 +118,11 @@ def made_up_event(
 
 def made_up_status(
     cycle: int, converged: bool = True, iterations: int = 8, stale: int = 0
-) -> Status:
+) -> GuidanceSample:
     """Make a guidance status that predicts the target."""
-    return Status(float(cycle), cycle, converged, iterations, stale, LAW_PEG, 400.0, *state())
+    return GuidanceSample(
+        float(cycle), cycle, converged, iterations, stale, LAW_PEG, 400.0, *state()
+    )
 
 
 def flown(facts: MissionFacts, *events: Event) -> FlightSummary:

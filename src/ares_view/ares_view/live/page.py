@@ -32,7 +32,7 @@ class Gauge:
 
 
 @dataclass(frozen=True)
-class Line:
+class LiveLine:
     """Hold a line of a chart: its name, its field, its colour."""
 
     name: str
@@ -42,12 +42,12 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Chart:
+class LiveChart:
     """Hold a chart: its title, its axis, its lines."""
 
     title: str
     axis: Axis
-    lines: tuple[Line, ...]
+    lines: tuple[LiveLine, ...]
 
 
 GAUGES = (
@@ -66,37 +66,37 @@ GAUGES = (
 )
 
 CHARTS = (
-    Chart("Altitude", Axis("altitude", "km"), (Line("altitude", "altitude_km", "here"),)),
-    Chart(
+    LiveChart("Altitude", Axis("altitude", "km"), (LiveLine("altitude", "altitude_km", "here"),)),
+    LiveChart(
         "Speed",
         Axis("speed", "m/s"),
         (
-            Line("inertial", "speed_m_s", "here"),
-            Line("against the air", "relative_speed_m_s", "other"),
+            LiveLine("inertial", "speed_m_s", "here"),
+            LiveLine("against the air", "relative_speed_m_s", "other"),
         ),
     ),
-    Chart(
+    LiveChart(
         "Angles",
         Axis("angle", "deg"),
         (
-            Line("pitch of the thrust", "pitch_deg", "here"),
-            Line("flight-path angle", "flight_path_angle_deg", "other"),
+            LiveLine("pitch of the thrust", "pitch_deg", "here"),
+            LiveLine("flight-path angle", "flight_path_angle_deg", "other"),
         ),
     ),
-    Chart(
+    LiveChart(
         "Acceleration",
         Axis("acceleration", "m/s²"),
-        (Line("acceleration", "acceleration_m_s2", "here"),),
+        (LiveLine("acceleration", "acceleration_m_s2", "here"),),
     ),
-    Chart(
+    LiveChart(
         "Heating",
         Axis("heating rate", "W/m²", log=True),
-        (Line("heating rate", "heating_w_m2", "here"),),
+        (LiveLine("heating rate", "heating_w_m2", "here"),),
     ),
-    Chart(
+    LiveChart(
         "Predicted cut-off",
         Axis("predicted cut-off", "s"),
-        (Line("predicted cut-off", "cutoff_s", "here", "step"),),
+        (LiveLine("predicted cut-off", "cutoff_s", "here", "step"),),
     ),
 )
 TIME = Axis("mission elapsed time", "s", span=(0.0, 1.0))

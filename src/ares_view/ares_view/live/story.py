@@ -65,7 +65,7 @@ def _known(value: float, digits: int) -> float | None:
     return round(float(value), digits) + 0.0 if math.isfinite(value) else None
 
 
-class Rows:
+class RowSeries:
     """Hold a bounded series of rows in order, numbered from 0; the last one is always kept.
 
     When it is full, every second row is dropped and the stride doubles: of the later rows, those
@@ -129,7 +129,7 @@ class Story:
         self._mission = mission or load_mission(_SOME_MISSION)
         self._environment = self._mission.environment_array()[0]
         self._mission_known = mission is not None
-        self._states, self._statuses = Rows(), Rows()
+        self._states, self._statuses = RowSeries(), RowSeries()
         self._events: list[dict[str, Any]] = []
         self._heard: list[tuple[int, int, float, float]] = []
         self._complaints: dict[tuple[str, str, str], list[Any]] = {}

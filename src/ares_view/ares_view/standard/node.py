@@ -154,6 +154,7 @@ PARAMETERS = (
         "Port of this machine where Foxglove and Lichtblick get all of it too; 0: none.",
         minimum=0,
         maximum=65535,
+        option="foxglove_port",
     ),
 )
 

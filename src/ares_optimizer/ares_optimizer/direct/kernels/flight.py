@@ -440,7 +440,7 @@ class Engine(NamedTuple):
     cutoff_flow: float
 
 
-class Law(NamedTuple):
+class Steering(NamedTuple):
     """Hold the steering law in force: direction + rate (t - time).
 
     Attributes:
@@ -556,7 +556,7 @@ def law_at(at: Break, laws: Index) -> int:
 
 
 @kernel
-def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
+def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Steering:
     """Return a law with free rate, and free direction unless it is continuous."""
     n = run.counts[COLUMNS]
     work = run.work
@@ -573,13 +573,13 @@ def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
                 work[W_BASE, c * n + direction_column + c] = 1.0
             work[W_RATE, c * n + rate_column + c] = RATE_SCALE
     rate = scale(RATE_SCALE, load(p[rate_column:]))
-    return Law(0.0, int(FIXED), direction, rate, int(W_BASE))
+    return Steering(0.0, int(FIXED), direction, rate, int(W_BASE))
 
 
 @allocating
 def law_of_jump(
-    at: Break, law: Law, direction: Vector, engine: Engine, problem: Problem, run: Run
-) -> Law:
+    at: Break, law: Steering, direction: Vector, engine: Engine, problem: Problem, run: Run
+) -> Steering:
     """Return the law after a jettison by the jump condition; ``engine`` is before it."""
     tau = at.time - engine.anchor
     thrust = engine.thrust + tau * engine.thrust_slope
@@ -598,13 +598,13 @@ def law_of_jump(
         (engine.thrust_slope + thrust * flow / rest) / rest,
     )
     after, rate = jump_law(x, slopes, at.column, problem, run)
-    return Law(0.0, int(FIXED), after, rate, int(W_BASE))
+    return Steering(0.0, int(FIXED), after, rate, int(W_BASE))
 
 
 @kernel
 def change_law(
-    k: int, at: Break, law: Law, engine: Engine, p: Array, problem: Problem, run: Run
-) -> Law:
+    k: int, at: Break, law: Steering, engine: Engine, p: Array, problem: Problem, run: Run
+) -> Steering:
     """Return law ``k`` from a break on and set its tangents.
 
     ``law`` and ``engine`` are those before the break.
@@ -625,11 +625,11 @@ def change_law(
         new = law_of_jump(at, law, direction, engine, problem, run)
     else:
         new = free_law(k, p, problem.laws, direction, run)
-    return Law(at.time, at.column, new.direction, new.rate, int(W_BASE))
+    return Steering(at.time, at.column, new.direction, new.rate, int(W_BASE))
 
 
 @kernel
-def held_law(at: Break, p: Array, held: Index, run: Run) -> Law:
+def held_law(at: Break, p: Array, held: Index, run: Run) -> Steering:
     """Return the law of a burn in held attitude and set its tangents."""
     n = run.counts[COLUMNS]
     column = held[at.number]
@@ -639,7 +639,7 @@ def held_law(at: Break, p: Array, held: Index, run: Run) -> Law:
     if n > 0:
         for c in range(3):
             run.work[W_HELD, c * n + column + c] = 1.0
-    return Law(at.time, int(FIXED), load(p[column:]), (0.0, 0.0, 0.0), int(W_HELD))
+    return Steering(at.time, int(FIXED), load(p[column:]), (0.0, 0.0, 0.0), int(W_HELD))
 
 
 @kernel
@@ -670,7 +670,7 @@ def put_node(
 
 
 @kernel
-def thrust_at(t: float, engine: Engine, law: Law) -> AppliedThrust:
+def thrust_at(t: float, engine: Engine, law: Steering) -> AppliedThrust:
     """Return the thrust at ``t`` s after the start."""
     thrust = engine.thrust + (t - engine.anchor) * engine.thrust_slope
     steering = axpy(t - law.time, law.rate, law.direction)
@@ -694,7 +694,7 @@ def steering_derivative(applied: AppliedThrust) -> tuple[Vector, Vector]:
 
 @kernel
 def add_moving_times(
-    kt: Array, n: int, into: float, applied: AppliedThrust, leg: Leg, engine: Engine, law: Law
+    kt: Array, n: int, into: float, applied: AppliedThrust, leg: Leg, engine: Engine, law: Steering
 ) -> None:
     """Add the effect of moving law, leg and cut-off times on a stage's acceleration.
 
@@ -756,7 +756,7 @@ def end_tangents(work: Array, n: int, leg: Leg, gain: Vector) -> None:
 
 
 @kernel
-def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -> None:
+def fly_leg(leg: Leg, engine: Engine, law: Steering, environment: Record, run: Run) -> None:
     """Integrate from one break to the next with tangents; store the ends of steps as nodes."""
     # read once: each access of an array in a record counts references
     n = run.counts[COLUMNS]
@@ -834,7 +834,7 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
             scratch.work[row, k] = 0.0
     for c in range(6):
         scratch.state[c] = problem.state[c]
-    law = Law(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), W_BASE)
+    law = Steering(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), W_BASE)
     held = law
     holds = False
     engine = Engine(0.0, 0.0, 0.0, 0.0, 0.0, problem.profile[0, P_MASS], 0.0, False, 0.0)

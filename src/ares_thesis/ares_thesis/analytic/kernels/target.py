@@ -57,7 +57,7 @@ _TIME_ROUNDING = 1e-6  # s
 _BOTH_PARTS = True
 
 
-class Heating(NamedTuple):
+class HeatingLimit(NamedTuple):
     """Hold the heating limit and the environment.
 
     Attributes:
@@ -89,13 +89,13 @@ class TwoParts(NamedTuple):
     parts: NDArray[Any]
     before: NDArray[Any]
     after: NDArray[Any]
-    heating: Heating
+    heating: HeatingLimit
     moments: Array
 
 
 @kernel
 def log_heating_over_limit(
-    radius: float, speed: float, sine: float, range_angle: float, heating: Heating
+    radius: float, speed: float, sine: float, range_angle: float, heating: HeatingLimit
 ) -> float:
     """Return the log of the ratio of free molecular heating to its limit."""
     r, v = place(radius, speed, sine, range_angle, 0.0, heating.plane)
@@ -118,13 +118,13 @@ def _node_state(burn: Record, x: float, work: Array) -> tuple[float, float, floa
 
 
 @kernel
-def _level(burn: Record, x: float, heating: Heating, work: Array) -> float:
+def _level(burn: Record, x: float, heating: HeatingLimit, work: Array) -> float:
     radius, speed, sine, range_angle = _node_state(burn, x, work)
     return log_heating_over_limit(radius, speed, sine, range_angle, heating)
 
 
 @allocating
-def first_within_limit(burn: Record, heating: Heating) -> tuple[float, float]:
+def first_within_limit(burn: Record, heating: HeatingLimit) -> tuple[float, float]:
     """Find the first point of a burn within the heating limit.
 
     Returns:
@@ -329,7 +329,7 @@ def find_target(
     parts: NDArray[Any],
     before: NDArray[Any],
     after: NDArray[Any],
-    heating: Heating,
+    heating: HeatingLimit,
 ) -> tuple[int, int, float]:
     """Find the jettison of the shortest flight.
 
