@@ -19,12 +19,18 @@ from ares_node.entry import set_up_libraries
 set_up_libraries()
 
 # kernels cannot be compiled once atheris has been at them: all that has any comes first
-from ares_models import input_file, mission_checks, mission_parts  # noqa: E402
+from ares_models import (  # noqa: E402
+    input_file,
+    mission_arcs,
+    mission_checks,
+    mission_keys,
+    mission_parts,
+)
 
 with atheris.instrument_imports(include=["ares_bags", "ares_bringup", "ares_view"]):
     import ares_view.live.server  # noqa: F401
 
-for module in (input_file, mission_checks, mission_parts):
+for module in (input_file, mission_arcs, mission_checks, mission_keys, mission_parts):
     for name, value in vars(module).items():
         if isinstance(value, FunctionType) and value.__module__ == module.__name__:
             setattr(module, name, atheris.instrument_func(value))

@@ -16,9 +16,10 @@ import yaml
 from figures import Figures, keep_option
 
 from ares_bringup.fly import fly
-from ares_bringup.held import Held, held, orphans, used_by_family
+from ares_bringup.held import used_by_family
 from ares_bringup.options import FlyOptions
 from ares_trials.testing.flights import short_burn
+from ares_trials.testing.held import Held, held, orphans
 
 #: Flights before what is held is taken for the beginning: what is loaded once is loaded then.
 FIRST = 5

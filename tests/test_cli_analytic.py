@@ -92,6 +92,7 @@ def test_what_stands_in_the_way_is_exit_1_with_a_reason(capsys, tmp_path):
         ),
         (["--method", "analytic", "--heating", "ignored"], "--heating does not go with"),
         (["--method", "analytic", "--hold-jettison", "x=1"], "--hold-jettison does not go with"),
+        (["--method", "analytic", "--maximize", "payload"], "--maximize does not go with"),
         (["--method", "analytic", "--mission", "delta_iii"], "two stages of one burn each"),
         (["--method", "analytic", "--mission", "saturn_v_as506"], "two stages of one burn each"),
     ],

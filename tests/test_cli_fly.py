@@ -15,9 +15,10 @@ import yaml
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
-from ares_bringup.held import orphans, shared_memory
+from ares_bringup.held import shared_memory
 from ares_trials.testing.bags import recorded_so_far
 from ares_trials.testing.flights import short_burn
+from ares_trials.testing.held import orphans
 from ares_trials.testing.ros import claimed_domain, own_words
 
 TIMEOUT = 240.0

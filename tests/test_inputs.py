@@ -13,7 +13,7 @@ from typing import Annotated, Literal, get_args, get_origin
 import pytest
 
 from ares_models.mission import Mission
-from ares_models.mission_parts import Part
+from ares_models.mission_keys import Part
 from ares_models.ranges import Range
 from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
 from ares_trials.sweep.inputs import all_keys, inputs, to_yaml, used_keys

@@ -11,9 +11,10 @@ import pytest
 import yaml
 
 from ares_bringup.fly import fly
-from ares_bringup.held import Held, held, orphans, used_by_family
+from ares_bringup.held import used_by_family
 from ares_bringup.options import FlyOptions
 from ares_trials.testing.flights import short_burn
+from ares_trials.testing.held import Held, held, orphans
 
 #: MiB that allocators may still take after the first flights.
 SLACK = 8.0

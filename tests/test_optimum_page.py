@@ -98,8 +98,8 @@ def test_it_can_be_read(open_file, request, which, size, theme):
     [
         (("--out", "page.pdf"), "expected a file ending in .html"),
         (("--beside", str(REFERENCE)), "--beside goes with --out only"),
-        (("--out", "p.html", "--method", "analytic"), "--out goes with neither"),
-        (("--out", "p.html", "--maximize", "payload"), "--out goes with neither"),
+        (("--out", "p.html", "--method", "analytic"), "--out does not go with --method analytic"),
+        (("--out", "p.html", "--maximize", "payload"), "--out does not go with --maximize"),
         (("--out", "p.html", "--beside", "nowhere"), "does not exist"),
         (("--out", "no/such/p.html"), "cannot be written"),
         (

@@ -66,11 +66,18 @@ def test_the_core_flies_without_them(without_leaves):
     assert json.loads(done.stdout)["outcome"] == "target"
 
 
+def test_the_core_prints_its_optimum_without_a_published_one(without_leaves):
+    done = run(without_leaves, "optimize", "--method", "direct11")
+    assert done.returncode == 0, done.stderr
+    assert "174,183" in done.stdout
+    assert "OTIS" not in done.stdout
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
         (["optimize", "--method", "analytic"], "method is 'analytic'; expected one of auto, "),
-        (["optimize", "--profile", "thesis"], "--profile goes with --method analytic only"),
+        (["optimize", "--profile", "thesis"], "No such option: --profile"),
         (["fly", "--guidance", "peg_thesis"], "expected one of igm, optimal, peg"),
         (["reproduce"], "No such command 'reproduce'"),
         (["faults", "-n", "1"], "No such command 'faults'"),

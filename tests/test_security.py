@@ -10,7 +10,6 @@ import pytest
 
 from ares_bringup.discovery import apply_discovery_settings, discovery_settings
 from ares_bringup.options import CannotStart
-from ares_bringup.policies import FILE, FLY, REPLAY, collect, document, read
 from ares_node.security import (
     ENABLE,
     KEYSTORE,
@@ -22,6 +21,9 @@ from ares_node.security import (
     is_asked_for,
     stay_on_this_machine,
 )
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tools"))
+from policies import FILE, FLY, REPLAY, collect, document, read
 
 NO_PLUGINS = "this ROS 2 has no security"
 

@@ -29,7 +29,7 @@ setup(
         "numpy>=2.0",
         "PyYAML>=6.0",
         "rich>=13.7",
-        "typer>=0.12",
+        "typer>=0.19",
     ],
     extras_require={
         # the study of transients
@@ -38,7 +38,8 @@ setup(
     },
     zip_safe=False,
     entry_points={
-        "ares_bringup.optimize": ["analytic = ares_thesis.commands.analytic:optimize_analytic"],
+        "ares_bringup.optimize": ["analytic = ares_thesis.verbs:optimize_analytic"],
+        "ares_bringup.published": ["ares_v = ares_thesis.commands.published:table_4_1"],
         "ares_bringup.verbs": ["reproduce = ares_thesis.verbs:reproduce"],
         "ares_guidance.laws": ["peg_thesis = ares_thesis.peg.law:LAW"],
         "ares_optimizer.methods": ["analytic = ares_thesis.analytic.method:ANALYTIC"],

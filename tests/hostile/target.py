@@ -3,7 +3,6 @@
 
 from abc import ABC, abstractmethod
 from random import Random
-from types import TracebackType
 from typing import Self
 
 
@@ -46,12 +45,7 @@ class Target(ABC):
         self.begin()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Free what is held."""
         self.end()
 

@@ -20,6 +20,9 @@ from ares_bags.contents import Contents
 from ares_bags.ending import ChunkEntry, ending
 from ares_bags.metadata import RECORD_NAME
 
+#: Beginning of the library field in the header of a file written here.
+LIBRARY = "ares_bags"
+
 #: A message without its data: opcode, length of the rest, channel, sequence, log and publish time.
 _MESSAGE = Struct("<BQHIQQ")
 _OPCODE = int(Opcode.MESSAGE)
@@ -56,12 +59,11 @@ class ChunkedFile:
     The library's own writer takes five times as long for a message.
     """
 
-    def __init__(self, stream: Stream, library: str, data: Mapping[str, str]) -> None:
+    def __init__(self, stream: Stream, data: Mapping[str, str]) -> None:
         """Begin the file.
 
         Args:
             stream: receives the bytes, chunk by chunk.
-            library: name of the writing software, for the header.
             data: content of the first metadata record.
         """
         self._stream = stream
@@ -72,7 +74,7 @@ class ChunkedFile:
         self.index_size = 0
         self._builder = RecordBuilder()
         self._put(MCAP0_MAGIC)
-        Header("ros2", f"{library} {LIBRARY_IDENTIFIER}").write(self._builder)
+        Header("ros2", f"{LIBRARY} {LIBRARY_IDENTIFIER}").write(self._builder)
         self._put(self._builder.end())
         self._metadata: list[MetadataIndex] = []
         self.note(data)

@@ -345,7 +345,6 @@ def run_replay(
     extract: Extract | None = None,
     namespace: str = "",
     expected: Collection[str] = (),
-    say: Callable[[str], None] = print,
     then: Callable[[], None] = lambda: None,
 ) -> int:
     """Replay a bag from the command line, until its end, a key, SIGINT or SIGTERM.
@@ -358,7 +357,6 @@ def run_replay(
         extract: see `replay`.
         namespace: see `replay`.
         expected: see `replay`.
-        say: gets the summary.
         then: called after a complete replay and its summary.
 
     Returns:
@@ -366,7 +364,7 @@ def run_replay(
     """
     stay_on_this_machine()
     context = Context()
-    extract = replace(extract or Extract(), again=say)
+    extract = replace(extract or Extract(), again=print)
     try:
         check_security()
         with _stop_on_signals() as stopped:
@@ -378,7 +376,7 @@ def run_replay(
                 context=context,
                 signal_handler_options=SignalHandlerOptions.NO,
             )
-            with keys(playback, say) as ended:
+            with keys(playback, print) as ended:
                 result = replay(
                     bag,
                     context,
@@ -395,7 +393,7 @@ def run_replay(
         context.try_shutdown()
     end = "" if result.complete else ", stopped before the end"
     total = sum(result.counts.values())
-    say(f"published {total} messages of {bag.path} in {result.wall_s:.1f} s{end}")
+    print(f"published {total} messages of {bag.path} in {result.wall_s:.1f} s{end}")
     if result.complete:
         then()
     return 0

@@ -24,6 +24,7 @@ from mcap.records import (
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
+from ares_bags.chunks import LIBRARY
 from ares_bags.contents import Contents
 from ares_bags.decoded import quiet
 from ares_bags.errors import BagError, cause, printable
@@ -53,7 +54,6 @@ from ares_bags.survey import (
     parse,
     survey,
 )
-from ares_bags.writer import LIBRARY
 
 
 @dataclass

@@ -12,7 +12,6 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from mcap.records import Channel, Schema
@@ -32,10 +31,6 @@ SIMULATOR_KEY = "simulator"
 #: Keys of the date of recording (UTC) and of the machine.
 DATE_KEY = "date"
 MACHINE_KEY = "machine"
-
-#: Beginning of the library field in the header of a file written here.
-LIBRARY = "ares_bags"
-
 
 #: Bytes reserved for what is unknown before the end: the text of a write error, the last settings
 #: of guidance, larger counts, and two partly filled blocks.
@@ -157,7 +152,7 @@ class BagWriter:
         try:
             self._output = _WholeChunks(self.file)
             # the custom data go first, so that a killed recorder leaves at least them
-            self._chunks = ChunkedFile(self._output, LIBRARY, record_data(self._information()))
+            self._chunks = ChunkedFile(self._output, record_data(self._information()))
             self._output.flush()
             with suppress(OSError):
                 # on a nearly full disk the next flush will fail and seal the bag
@@ -176,12 +171,7 @@ class BagWriter:
         """Return the writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the bag, also after an error."""
         self.close()
 

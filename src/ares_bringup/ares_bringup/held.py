@@ -1,55 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measure a process's resources and clean up shared memory; for tests, benchmarks and faults."""
+"""List and remove the middleware's files in shared memory, which killed processes leave."""
 
 import fcntl
 import os
 import re
-import resource
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 SHARED = Path("/dev/shm")
 #: Prefixes of the middleware's files, and of those of its ports.
 _PREFIX = "fastrtps_"
-_PORT = f"{_PREFIX}port"
+PORT = f"{_PREFIX}port"
 #: Wall time in s between two lists of the nodes' files in shared memory; one takes 1 to 2 ms.
 _LOOK_PERIOD_S = 0.5
-
-
-@dataclass(frozen=True)
-class Held:
-    """Hold the resources of this process at one moment.
-
-    Attributes:
-        memory_mib: resident memory.
-        descriptors: open files and sockets.
-        threads: its threads.
-        mapped: files in shared memory that it has mapped.
-        children: its child processes.
-    """
-
-    memory_mib: float
-    descriptors: int
-    threads: int
-    mapped: int
-    children: int
-
-
-def held() -> Held:
-    """Measure the resources of this process."""
-    own = Path("/proc") / str(os.getpid())
-    pages = int((own / "statm").read_text().split()[1])
-    return Held(
-        memory_mib=pages * resource.getpagesize() / 2**20,
-        # without the descriptor that lists them
-        descriptors=len(list((own / "fd").iterdir())) - 1,
-        threads=len(list((own / "task").iterdir())),
-        mapped=len(_of_middleware([os.getpid()])),
-        children=len(_children(own)),
-    )
 
 
 def shared_memory(pids: Iterable[int]) -> set[str]:
@@ -79,13 +44,14 @@ def clear(paths: Iterable[str]) -> None:
         Path(f"{path}_el").unlink(missing_ok=True)
 
 
-def _of_middleware(pids: Iterable[int]) -> set[str]:
+def of_middleware(pids: Iterable[int]) -> set[str]:
     """Return the names of the middleware's files that processes have mapped."""
     names = (Path(path).name for path in shared_memory(pids))
     return {name for name in names if name.startswith(_PREFIX)}
 
 
-def _children(process: Path) -> list[str]:
+def children(process: Path) -> list[str]:
+    """Return the ids of the children of a process, given its folder in /proc."""
     try:
         return (process / "task" / process.name / "children").read_text().split()
     except OSError:
@@ -95,19 +61,7 @@ def _children(process: Path) -> list[str]:
 def used_by_family() -> set[str]:
     """Return the files in shared memory that this process and its children have mapped."""
     own = os.getpid()
-    return _of_middleware([own, *map(int, _children(Path("/proc") / str(own)))])
-
-
-def orphans(names: set[str]) -> set[str]:
-    """Return the files that no process uses among `names`, with their locks.
-
-    Ports are no orphans: the middleware reuses them in the next flight of that domain, and there
-    are only as many as participants.
-    """
-    used = _of_middleware(all_pids())
-    there = {path.name for path in SHARED.iterdir()}
-    left = {name for name in names - used if not name.startswith(_PORT)}
-    return {name for name in there if any(one in name for one in left)}
+    return of_middleware([own, *map(int, children(Path("/proc") / str(own)))])
 
 
 def _is_abandoned(segment: str) -> bool:
@@ -146,5 +100,5 @@ def shared_memory_cleared() -> Iterator[Callable[[], None]]:
     try:
         yield look
     finally:
-        segments = [name for name in names if not name.startswith(_PORT)]
+        segments = [name for name in names if not name.startswith(PORT)]
         clear(str(SHARED / name) for name in segments if _is_abandoned(name))

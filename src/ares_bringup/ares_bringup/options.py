@@ -65,28 +65,6 @@ class Maximize(StrEnum):
     PAYLOAD = "payload"
 
 
-class AnalyticProfile(StrEnum):
-    """Name the polynomials of method `analytic`, as in `ares_thesis.analytic.options`."""
-
-    THESIS = "thesis"
-    IMPROVED = "improved"
-
-
-class PositionIntegral(StrEnum):
-    """Name the position integrals of method `analytic`, as there."""
-
-    EXACT = "exact"
-    TRAPEZOID = "trapezoid"
-    QUADRATIC = "quadratic"
-
-
-class JettisonTargetSource(StrEnum):
-    """Name the sources of the jettison target of method `analytic`, as there."""
-
-    MISSION = "mission"
-    OPTIMIZER = "optimizer"
-
-
 class HeatingPhase(StrEnum):
     """Name the phases in which the optimizer holds a heating limit, as `ares_optimizer.solve`."""
 

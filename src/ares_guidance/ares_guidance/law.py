@@ -217,7 +217,8 @@ class LawKind:
         step: kernel with the arguments of `kernels.cycle.guidance_step`; for a law with a memory of
             its own, a record of it is the last argument.
         build: constructor of the law from arrays and settings; None: `Law`.
-        needs_trajectory: it cannot start from the navigation state alone.
+        trajectory_method: method of the optimizer that solves the trajectory without which the law
+            cannot start; "": the navigation state is enough.
         holds_attitude: it can aim burns in held attitude.
         meets_place: it can meet a target that names both argument of perigee and true anomaly.
         memory: dtype of the law's own memory between navigation states, besides GUIDANCE_STATE.
@@ -229,10 +230,15 @@ class LawKind:
     code: int
     step: Callable[..., None]
     build: "Callable[[MissionArrays, LawSettings | None], Law] | None" = None
-    needs_trajectory: bool = False
+    trajectory_method: str = ""
     holds_attitude: bool = False
     meets_place: bool = False
     memory: np.dtype[Any] = NO_MEMORY
+
+    @property
+    def needs_trajectory(self) -> bool:
+        """Return whether the law cannot start from the navigation state alone."""
+        return self.trajectory_method != ""
 
 
 #: The law of the shared cycle without any replacement.

@@ -407,9 +407,8 @@ def _us76_high() -> list[_Piece]:
         )
         return np.concatenate(([0.0], np.cumsum(step)))
 
-    zero = np.zeros_like(z)
     scale = t[0] / t
-    nitrogen = _NITROGEN_BASE * scale * np.exp(-upwards(zero, weight))
+    nitrogen = _NITROGEN_BASE * scale * np.exp(-upwards(np.zeros_like(z), weight))
     # per gas: molar mass, number density, and -d(log n)/dz without the background's part
     gases = [(_NITROGEN_MASS, nitrogen, t_slope / t, weight)]
 
@@ -431,22 +430,7 @@ def _us76_high() -> list[_Piece]:
     crowd = nitrogen + add(_OXYGEN_ATOM, nitrogen) + add(_OXYGEN, nitrogen)
     crowd = crowd + add(_ARGON, crowd) + add(_HELIUM, crowd)
 
-    # hydrogen: given at 500 km, escapes upwards; counted from 150 km as in the source
-    diffusion = 3.305e21 / crowd * np.sqrt(t / 273.15)
-    at = int(np.searchsorted(z, 500e3))
-    depth = np.concatenate(
-        ([0.0], np.cumsum(0.5 * dz * _HYDROGEN_MASS * (weight[1:] + weight[:-1])))
-    )
-    depth -= depth[at]
-    warm = (t / t[at]) ** 0.75
-    escape = 7.2e11 / diffusion * warm * np.exp(np.clip(depth, -50.0, None))
-    lost = np.concatenate(([0.0], np.cumsum(0.5 * dz * (escape[1:] + escape[:-1]))))
-    hydrogen = (8.0e10 - (lost - lost[at])) / warm * np.exp(-depth)
-    hydrogen = np.where(z >= 150e3, hydrogen, 0.0)
-    sink = np.divide(7.2e11, diffusion * hydrogen, out=zero.copy(), where=hydrogen > 0.0)
-    slope = 0.75 * t_slope / t + _HYDROGEN_MASS * weight + sink
-    gases.append((_HYDROGEN_MASS, hydrogen, slope, zero))
-
+    gases.append(_hydrogen(z, (t, t_slope), weight, crowd))
     pieces = []
     for bottom, top in pairwise(edges):
         spacing = 500.0 if top <= edges[2] else 2000.0
@@ -460,6 +444,38 @@ def _us76_high() -> list[_Piece]:
         )
         pieces.append(_Piece(wanted, np.log(density / _AVOGADRO), -loss / density))
     return pieces
+
+
+def _hydrogen(
+    z: Array, temperature: tuple[Array, Array], weight: Array, crowd: Array
+) -> tuple[float, Array, Array, Array]:
+    """Return molar mass, number density and -d(log n)/dz, own and background's, of hydrogen.
+
+    It is given at 500 km, escapes upwards, and counts from 150 km as in the source.
+
+    Args:
+        z: altitude, m, shape (n,).
+        temperature: K, and its slope, K/m.
+        weight: gravity over R T, mol/(kg m).
+        crowd: number density of the other gases, 1/m3.
+    """
+    t, t_slope = temperature
+    dz = np.diff(z)
+    zero = np.zeros_like(z)
+    diffusion = 3.305e21 / crowd * np.sqrt(t / 273.15)
+    at = int(np.searchsorted(z, 500e3))
+    depth = np.concatenate(
+        ([0.0], np.cumsum(0.5 * dz * _HYDROGEN_MASS * (weight[1:] + weight[:-1])))
+    )
+    depth -= depth[at]
+    warm = (t / t[at]) ** 0.75
+    escape = 7.2e11 / diffusion * warm * np.exp(np.clip(depth, -50.0, None))
+    lost = np.concatenate(([0.0], np.cumsum(0.5 * dz * (escape[1:] + escape[:-1]))))
+    hydrogen = (8.0e10 - (lost - lost[at])) / warm * np.exp(-depth)
+    hydrogen = np.where(z >= 150e3, hydrogen, 0.0)
+    sink = np.divide(7.2e11, diffusion * hydrogen, out=zero.copy(), where=hydrogen > 0.0)
+    slope = 0.75 * t_slope / t + _HYDROGEN_MASS * weight + sink
+    return _HYDROGEN_MASS, hydrogen, slope, zero
 
 
 @cache

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transformations between axes as 3x3 matrices (Eqs. 2.6 to 2.11).
+"""Transformations between axes as 3x3 matrices (Eqs. 2.6 and 2.7).
 
 A matrix ``T_b_from_a`` converts the components of a vector in axes a to those in axes b; its
 columns are the unit vectors of a in components of b (Eq. 2.6). It is orthonormal, so its inverse is
@@ -32,37 +32,6 @@ def transformation(axes: Sequence[ArrayLike]) -> Matrix:
 def inverse(matrix: Matrix) -> Matrix:
     """Return the inverse of a transformation: its transpose, Eq. 2.7."""
     return matrix.T.copy()
-
-
-def inertial_from_relative_velocity(position: ArrayLike, relative_velocity: ArrayLike) -> Matrix:
-    """Build the transformation from relative-velocity axes to inertial axes, Eqs. 2.8 to 2.11.
-
-    i along the velocity relative to the air, j horizontal (r cross V_rel), k = i cross j. The
-    thesis calls k "upward"; with this j it is i x (r x i) = r - (r . i) i, which is upward.
-
-    Args:
-        position: inertial, m, shape (3,).
-        relative_velocity: inertial components, m/s, shape (3,).
-
-    Returns:
-        Shape (3, 3), T_inertial_from_relative.
-
-    Raises:
-        ValueError: the velocity is zero or parallel to the position, so that no axes exist.
-    """
-    r = np.asarray(position, dtype=np.float64)
-    v = np.asarray(relative_velocity, dtype=np.float64)
-    speed = float(np.linalg.norm(v))
-    side = np.cross(r, v)
-    length = float(np.linalg.norm(side))
-    if not length > 1e-12 * float(np.linalg.norm(r)) * speed:
-        raise ValueError(
-            "relative_velocity: expected a velocity that is neither zero nor vertical, "
-            f"found {v.tolist()} m/s"
-        )
-    i = v / speed
-    j = side / length
-    return transformation([i, j, np.cross(i, j)])
 
 
 def inertial_from_east_north_up(latitude: float, right_ascension: float) -> Matrix:

@@ -15,18 +15,22 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
-from ares_models.kernel_cache import PREFIX, VARIABLE, choose_folder, read_package, state_of
+from ares_models.kernel_cache import (
+    PREFIX,
+    VARIABLE,
+    cache_folder,
+    is_plain,
+    read_package,
+    state_of,
+)
 
-#: Leave numba's private parts out.
-PLAIN = os.environ.get("ARES_PLAIN_NUMBA") == "1"
-_folder = Path(os.environ.get(VARIABLE) or choose_folder())
-if PLAIN and _folder.name != "plain":
-    _folder /= "plain"
 # numba reads the variable at its import
-os.environ[VARIABLE] = str(_folder)
+os.environ[VARIABLE] = str(cache_folder())
 
 import numba
 
+#: Leave numba's private parts out.
+PLAIN = is_plain()
 if not PLAIN:
     from ares_models.linked import Kernel, counting
 

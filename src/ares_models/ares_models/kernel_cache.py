@@ -21,6 +21,10 @@ from pathlib import Path
 
 #: Environment variable of numba's cache folder; a value set by the user has priority.
 VARIABLE = "NUMBA_CACHE_DIR"
+#: Environment variable that leaves numba's private parts out, if it is 1.
+PLAIN_VARIABLE = "ARES_PLAIN_NUMBA"
+#: Folder in the cache of what is compiled without them.
+PLAIN_FOLDER = "plain"
 #: Prefix of packages whose modules can hold kernels.
 PREFIX = "ares_"
 #: Age at which unused folders of other states are removed, s.
@@ -115,3 +119,14 @@ def choose_folder() -> Path:
             if time.time() - other.stat().st_mtime > KEPT:
                 shutil.rmtree(other, ignore_errors=True)
     return folder
+
+
+def is_plain() -> bool:
+    """Return whether kernels are compiled by numba's public interface alone."""
+    return os.environ.get(PLAIN_VARIABLE) == "1"
+
+
+def cache_folder() -> Path:
+    """Return numba's cache folder: the user's, or that of the present state of the sources."""
+    folder = Path(os.environ.get(VARIABLE) or choose_folder())
+    return folder / PLAIN_FOLDER if is_plain() and folder.name != PLAIN_FOLDER else folder

@@ -29,25 +29,12 @@ from ares_models.input_file import (
     parse_input,
     read_text,
 )
+from ares_models.mission_arcs import BurnArc, CoastArc, EngineOut, Table, shortest
 from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
+from ares_models.mission_keys import Load, Moment, Part, Text, not_there
 from ares_models.mission_masses import ignition_mass
-from ares_models.mission_parts import (
-    AbortPart,
-    BurnArc,
-    CoastArc,
-    EngineOut,
-    EnvironmentPart,
-    HeatingLimitHolds,
-    Jettison,
-    Load,
-    Moment,
-    Part,
-    Stage,
-    Text,
-    not_there,
-    shortest,
-)
+from ares_models.mission_parts import AbortPart, EnvironmentPart, HeatingLimitHolds, Jettison, Stage
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_start import InitialState
 from ares_models.mission_target import (
@@ -410,7 +397,7 @@ class Mission(Part):
         if arc.thrust_table is not None:
             self._write_table(arc.table(g0), row)
 
-    def _write_table(self, table: parts.Table, row: NDArray[np.void]) -> None:
+    def _write_table(self, table: Table, row: NDArray[np.void]) -> None:
         knots = len(table.time_s)
         row["tabled"] = 1
         row["start_knots"] = knots
@@ -519,8 +506,8 @@ def _siblings(location: KeyPath) -> list[str]:
 
 _FORMS: dict[str, type[Part]] = {
     **START_FORMS,
-    "<burn>": parts.BurnArc,
-    "<coast>": parts.CoastArc,
+    "<burn>": BurnArc,
+    "<coast>": CoastArc,
     "<state>": TargetState,
     "<orbit>": TargetOrbit,
 }
@@ -531,7 +518,7 @@ _MODELS: dict[str, type[Part]] = {
     "atmosphere": parts.AtmospherePart,
     "stages": parts.Stage,
     "jettisons": parts.Jettison,
-    "engine_out": parts.EngineOut,
+    "engine_out": EngineOut,
     "abort": parts.AbortPart,
     "avoid": parts.AreaPart,
 }

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models import arrays as layout
-from ares_models.mission_parts import AreaPart, fail
+from ares_models.mission_keys import fail
+from ares_models.mission_parts import AreaPart
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
+from ares_models.mission_arcs import BurnArc, CoastArc, shortest
 from ares_models.mission_areas import check_areas
+from ares_models.mission_keys import fail
 from ares_models.mission_masses import check_mass_forms, check_masses
-from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
+from ares_models.mission_parts import Stage
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
 from ares_models.mission_start import check_initial_state
 

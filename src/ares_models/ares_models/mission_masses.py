@@ -7,7 +7,8 @@ jettisons, adapter and payload; ignition masses follow.
 
 from typing import TYPE_CHECKING
 
-from ares_models.mission_parts import BurnArc, fail
+from ares_models.mission_arcs import BurnArc
+from ares_models.mission_keys import fail
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission

@@ -8,7 +8,8 @@ import math
 from typing import TYPE_CHECKING
 
 from ares_models.input_file import KeyPath, format_number
-from ares_models.mission_parts import MAX_FLIGHT_S, MIN_TIME_S, BurnArc, fail
+from ares_models.mission_arcs import BurnArc
+from ares_models.mission_keys import MAX_FLIGHT_S, MIN_TIME_S, fail
 from ares_models.ranges import Range
 
 if TYPE_CHECKING:

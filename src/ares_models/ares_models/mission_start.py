@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from ares_models.earth import Earth, LaunchAngles
 from ares_models.geodesy import earth_fixed_place, inertial_state, velocity_over_ground
-from ares_models.mission_parts import (
+from ares_models.mission_keys import (
     AnyEccentricity,
     AnySemiMajorAxis,
     Coordinate,

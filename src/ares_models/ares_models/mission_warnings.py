@@ -13,7 +13,7 @@ import numpy as np
 
 from ares_models.heating import free_molecular_heating
 from ares_models.input_file import KeyPath, at_line, format_number, read_input
-from ares_models.mission_parts import BurnArc, CoastArc
+from ares_models.mission_arcs import BurnArc, CoastArc
 from ares_models.mission_target import TargetOrbit, parking_orbit
 from ares_models.orbits import Insertion
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ares_models import frames
@@ -14,7 +14,6 @@ from ares_models.kernels.states import angles_from_state, state_from_angles
 
 latitudes = st.floats(-math.pi / 2, math.pi / 2)
 angles = st.floats(-math.pi, math.pi)
-vectors = st.tuples(*[st.floats(-1e4, 1e4)] * 3).map(np.array)
 EARTH = Earth(6378140.0, 6356750.0, 7.2921159e-5)
 
 
@@ -22,25 +21,6 @@ def assert_rotation(matrix):
     assert np.allclose(matrix.T @ matrix, np.eye(3), atol=1e-14)
     assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-13)
     assert np.allclose(frames.inverse(matrix) @ matrix, np.eye(3), atol=1e-14)
-
-
-@given(vectors, vectors, vectors)
-def test_relative_velocity_axes(r, v, b):
-    assume(np.linalg.norm(np.cross(r, v)) > 1e-6 * np.linalg.norm(r) * np.linalg.norm(v) > 0.0)
-    matrix = frames.inertial_from_relative_velocity(r, v)
-    assert np.allclose(matrix.T @ matrix, np.eye(3), atol=1e-9)
-    assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-9)
-    assert np.allclose(matrix.T @ (matrix @ b), b, atol=1e-5)
-    # i along the velocity, j horizontal, k upward
-    assert np.allclose(matrix[:, 0], v / np.linalg.norm(v), atol=1e-14)
-    assert abs(matrix[:, 1] @ r) <= 1e-9 * np.linalg.norm(r)
-    assert matrix[:, 2] @ r > 0.0
-
-
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, 2.0, 3.0)])
-def test_no_relative_velocity_axes_without_a_horizontal(velocity):
-    with pytest.raises(ValueError, match="neither zero nor vertical"):
-        frames.inertial_from_relative_velocity((2.0, 4.0, 6.0), velocity)
 
 
 @given(latitudes, angles)

@@ -8,7 +8,7 @@ import pytest
 
 from ares_models.arrays import BURN, COAST
 from ares_models.mission import load_mission
-from ares_models.mission_parts import BurnArc
+from ares_models.mission_arcs import BurnArc
 
 G0 = 9.80665
 

@@ -13,6 +13,8 @@ from pathlib import Path
 DOMAINS = range(1, 102)
 #: Polling period for a free domain, wall time, s.
 LOOK_PERIOD = 0.05
+#: Wait for a free domain, wall time, s.
+LONGEST_WAIT = 60.0
 
 
 def _claim(folder: Path, domain: int, namespace: str = "") -> int | None:
@@ -39,14 +41,11 @@ def _candidates() -> list[int]:
     return [*DOMAINS[start:], *DOMAINS[:start]]
 
 
-def claim_domain(
-    preferred: Sequence[int] = (), wait: float = 60.0, namespace: str = ""
-) -> tuple[int, int]:
+def claim_domain(preferred: Sequence[int] = (), namespace: str = "") -> tuple[int, int]:
     """Claim a free ROS domain on this machine until this process ends.
 
     Args:
         preferred: tried before DOMAINS.
-        wait: timeout for a free domain, s.
         namespace: of the claim on a preferred domain; other namespaces may share it.
 
     Returns:
@@ -56,21 +55,21 @@ def claim_domain(
         TimeoutError: all domains stayed taken.
     """
     folder = _folder()
-    deadline = time.monotonic() + wait
+    deadline = time.monotonic() + LONGEST_WAIT
     while True:
         for domain in (*preferred, *_candidates()):
             lock = _claim(folder, domain, namespace if domain in preferred else "")
             if lock is not None:
                 return domain, lock
         if time.monotonic() > deadline:
-            raise TimeoutError(f"no free ROS domain within {wait:g} s")
+            raise TimeoutError(f"no free ROS domain within {LONGEST_WAIT:g} s")
         time.sleep(LOOK_PERIOD)
 
 
 @contextmanager
-def claimed_domain(wait: float = 60.0) -> Iterator[int]:
+def claimed_domain() -> Iterator[int]:
     """Claim a ROS domain for the duration of a block."""
-    domain, lock = claim_domain(wait=wait)
+    domain, lock = claim_domain()
     try:
         yield domain
     finally:

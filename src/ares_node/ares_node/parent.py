@@ -12,7 +12,7 @@ import select
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 #: Environment variable with the process id of the launcher.
 LAUNCHER = "ARES_LAUNCHER_PID"
@@ -36,9 +36,9 @@ def end_after(gone: Callable[[], object]) -> None:
     threading.Thread(target=watch, name="parent-watch", daemon=True).start()
 
 
-def end_with_launcher(environ: Mapping[str, str] = os.environ) -> None:
+def end_with_launcher() -> None:
     """End this process with the process named by LAUNCHER, however that one ends."""
-    text = environ.get(LAUNCHER, "")
+    text = os.environ.get(LAUNCHER, "")
     if not text.isdigit():
         return
     process = None

@@ -192,6 +192,31 @@ def run_node(
             return stopped
 
 
+def _make_node(
+    factory: Callable[..., FlightNode],
+    arguments: list[str],
+    context: Context,
+    who: str,
+    stop: StopSignals,
+) -> FlightNode | int:
+    """Initialize the context and make the node; the exit status, with its reason, if it cannot."""
+    try:
+        rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+        left = remove_ros_args(arguments)
+        if not left:
+            return factory(context=context)
+        reason = f"argument {left[0]!r} is not known; expected --ros-args ..."
+    except UnknownROSArgsError as error:
+        reason = f"ROS argument {one_line(error)} is not known; expected --ros-args ..."
+    except (ParameterError, ParameterException, RuntimeError) as error:
+        if stop.requested:
+            return stop.exit_status
+        # malformed ROS arguments come as subclasses of RuntimeError
+        reason = one_line(error)
+    _complain(who, reason)
+    return EXIT_CANNOT_START
+
+
 def _run(
     factory: Callable[..., FlightNode], arguments: list[str], who: str, stop: StopSignals
 ) -> int:
@@ -199,24 +224,10 @@ def _run(
     node: FlightNode | None = None
     executor: Executor | None = None
     try:
-        try:
-            rclpy.init(
-                args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
-            )
-            left = remove_ros_args(arguments)
-            if left:
-                _complain(who, f"argument {left[0]!r} is not known; expected --ros-args ...")
-                return EXIT_CANNOT_START
-            node = factory(context=context)
-        except UnknownROSArgsError as error:
-            _complain(who, f"ROS argument {one_line(error)} is not known; expected --ros-args ...")
-            return EXIT_CANNOT_START
-        except (ParameterError, ParameterException, RuntimeError) as error:
-            if stop.requested:
-                return stop.exit_status
-            # malformed ROS arguments come as subclasses of RuntimeError
-            _complain(who, one_line(error))
-            return EXIT_CANNOT_START
+        made = _make_node(factory, arguments, context, who, stop)
+        if isinstance(made, int):
+            return made
+        node = made
         node.interrupted = lambda: stop.requested
         executor = EventsExecutor(context=context)
         stop.install()

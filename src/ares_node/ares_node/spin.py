@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Spinning in compiled code, with periodic returns to Python."""
 
-from types import TracebackType
 from typing import Self
 
 from rclpy.clock import Clock
@@ -49,11 +48,6 @@ class Spinner:
         """Return the spinner."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Free the timer."""
         self._node.destroy_timer(self._timer)

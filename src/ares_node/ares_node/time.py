@@ -17,11 +17,6 @@ def ns_from_seconds(seconds: float) -> int:
         raise ValueError(f"time is {seconds}; expected a finite number of seconds") from error
 
 
-def seconds_from_ns(nanoseconds: int) -> float:
-    """Convert a time in ns to s."""
-    return nanoseconds / NANOSECONDS
-
-
 def stamp_from_ns(nanoseconds: int) -> Time:
     """Convert a time in ns to a stamp; negative times keep a positive nanosec field.
 

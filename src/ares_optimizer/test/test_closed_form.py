@@ -42,6 +42,44 @@ def test_linear_gravity_is_met_exactly(ares, rule):
 
 
 class TestErrors:
+    """Check the order of the error in the arc length: first without correction, second with it."""
+
+    def rows(self, ares, root, burn=None):
+        arrays, start = ares
+        choices = [
+            TwoPointOptions(
+                heating=Heating.IGNORED, arc_length_s=length, rule=rule, correction=correction
+            )
+            for correction in (False, True)
+            for rule in ("simpson", "milne")
+            for length in (430.0, 20.0, 10.0, 5.0)
+        ]
+        table = [flight_errors(arrays, start, root.unknowns, chosen, burn) for chosen in choices]
+        return {(row.correction, row.rule, row.arc_length_s): row for row in table}
+
+    def test_burns_in_one_piece(self, ares, free_root):
+        first = self.rows(ares, free_root, burn=0)[False, "milne", 430.0]
+        assert first.position_m == pytest.approx(1171.0, abs=5.0)
+        assert first.velocity_m_s == pytest.approx(18.1, abs=0.2)
+        second = self.rows(ares, free_root, burn=1)[False, "milne", 430.0]
+        assert second.position_m == pytest.approx(13.7e3, abs=0.2e3)
+        assert second.velocity_m_s == pytest.approx(72.0, abs=1.0)
+
+    def test_short_arcs(self, ares, free_root):
+        rows = self.rows(ares, free_root)
+        plain = [rows[False, "milne", length].position_m for length in (20.0, 10.0, 5.0)]
+        assert plain[0] / plain[1] == pytest.approx(2.0, abs=0.25)
+        assert plain[1] / plain[2] == pytest.approx(2.0, abs=0.25)
+        corrected = [rows[True, "milne", length].position_m for length in (20.0, 10.0, 5.0)]
+        assert corrected[0] / corrected[1] == pytest.approx(4.0, abs=0.5)
+        assert corrected[1] / corrected[2] == pytest.approx(4.0, abs=0.5)
+        assert corrected[2] < 0.02 * plain[2]
+
+    def test_milne_is_the_better_rule(self, ares, free_root):
+        rows = self.rows(ares, free_root, burn=0)
+        far = rows[True, "simpson", 430.0].velocity_m_s
+        assert rows[True, "milne", 430.0].velocity_m_s < far
+
     def test_jump_on_the_way(self, ares):
         arrays, start = ares
         root = TwoPointSolver(arrays).solve(start)

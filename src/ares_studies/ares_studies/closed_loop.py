@@ -136,7 +136,7 @@ def ready_law(
         name: one of `ares_guidance.registry.law_names`.
         settings: cycle and gates.
         guess: initial solution. None: none, except for a law that needs a trajectory, which gets
-            the analytic solution, and for free arcs, for which a plan is solved.
+            the answer of its method, and for free arcs, for which a plan is solved.
         state: start of that solution, shape (1,), dtype NAVIGATION; None: the mission's start.
         time_limit_s: wall time of the search for a plan; None: no limit.
 
@@ -148,7 +148,7 @@ def ready_law(
     if guess is None and law.kind.needs_trajectory:
         from ares_optimizer.solve import solve
 
-        guess = solve(mission, "analytic", state=state)
+        guess = solve(mission, law.kind.trajectory_method, state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))
     elif (plan := arc_plan(mission, law.kind, state, time_limit_s)) is not None:

@@ -9,9 +9,10 @@ from ares_guidance.kernels.guarded import guarded_step
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.records import mission_records
 from ares_studies.arrays import Loop, LoopArrays
+from ares_vehicle_sim.kernels.commands import accept_command
 from ares_vehicle_sim.kernels.entry import vehicle_records
 from ares_vehicle_sim.kernels.navigation import measure
-from ares_vehicle_sim.kernels.plant import accept_command, flight_step
+from ares_vehicle_sim.kernels.plant import flight_step
 
 
 @inlined

@@ -15,6 +15,8 @@ from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
+from ares_models.registry import registered
+from ares_optimizer.registry import GROUP
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.flight_page.geometry import impact_time
 from ares_studies.montecarlo.flights import FlightRange, Settings
@@ -40,13 +42,12 @@ def compile_laws(*names: str) -> None:
 
 
 def compile_solvers() -> None:
-    """Solve analytically, and by the direct methods."""
+    """Solve by the methods of other packages and by the direct methods."""
     from ares_optimizer.solve import solve  # a flight does without
 
-    # first, since law `peg_thesis` later loads its kernels from the cache
-    solve(load_mission("ares_v"), "analytic")
-    solve(load_mission("ares_v"), "direct11")
-    solve(load_mission("ares_v"), "jump")
+    # those of others first: their laws load the kernels from the cache
+    for method in (*registered(GROUP), "direct11", "jump"):
+        solve(load_mission("ares_v"), method)
 
 
 def compile_pages() -> None:

@@ -2,6 +2,7 @@
 """The last seconds: the predicted cut-off is the one flown."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,50 +14,10 @@ from ares_studies.closed_loop import ready_law
 from ares_trials.testing.laws import step_anew
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator
 
-#: Ariane 5 ECA from booster separation, rounded public figures. The weak last stage meets its
-#: transfer orbit while it climbs, and gravity takes more speed than half the thrust adds.
-ARIANE = """
-name: ariane5_eca
-title: Ariane 5 ECA to geostationary transfer
-source: public figures, rounded
-environment:
-  mu_m3_s2: 3.986004418e14
-  j2: 0.00108263
-  earth:
-    equatorial_radius_m: 6378137.0
-    polar_radius_m: 6356752.3
-    rotation_rate_rad_s: 7.292115e-5
-  atmosphere: {model: us76}
-initial_state:
-  time_s: 141
-  latitude_deg: 5.3
-  right_ascension_deg: -50
-  radius_m: 6444954.5
-  speed_m_s: 2501.895
-  flight_path_angle_deg: 20.4667
-  azimuth_deg: 90.8004
-stages:
-  - {name: EPC, ignition_mass_kg: 165800.0, thrust_n: 1390000.0, isp_s: 432.0, burn_time_s: 393.0}
-  - name: ESC-A
-    ignition_mass_kg: 30400.0
-    propellant_kg: 14900.0
-    arcs:
-      - {name: separation, coast_s: 6.0}
-      - {name: HM7B, thrust_n: 64800.0, isp_s: 446.0, burn_time_s: free}
-jettisons:
-  - {name: fairing, mass_kg: 2400.0, stage: EPC, heating_limit_w_m2: 1135.0}
-target:
-  perigee_altitude_m: 250000.0
-  apogee_altitude_m: 35943000.0
-  inclination_deg: 6.0
-"""
-
 
 @pytest.fixture(scope="module")
-def ariane(tmp_path_factory):
-    path = tmp_path_factory.mktemp("ariane") / "ariane5_eca.yaml"
-    path.write_text(ARIANE)
-    return load_mission(path)
+def ariane():
+    return load_mission(Path(__file__).with_name("missions") / "ariane5_eca.yaml")
 
 
 def test_a_cut_off_in_a_climb_is_flown_as_predicted(ariane):

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Optimal guidance, closed loop: it flies the optimum, or PEG without one."""
 
-import math
-
 import numpy as np
 import pytest
 
 from ares_guidance.arrays import LAW_OPTIMAL, LAW_PEG
 from ares_guidance.law import LawSettings
 from ares_models.mission import load_mission
-from ares_models.orbits import Insertion
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
+from ares_trials.testing.arrivals import assert_inserted
 from ares_vehicle_sim.arrays import JETTISON_DONE
 from ares_vehicle_sim.simulator import SimulatorOptions
 
@@ -24,17 +22,6 @@ def ares_v():
 def jettison(flight):
     """Return the last jettison of a flight."""
     return flight.events[flight.events["type"] == JETTISON_DONE][-1]
-
-
-def assert_inserted(mission, flight):
-    """Assert 10 m of radius, 0.05 m/s of speed, 1e-3 deg of flight-path angle and inclination."""
-    flown = Insertion.from_state(flight.plant["position"], flight.plant["velocity"])
-    target = mission.arrays().target[0]
-    assert flight.plant["inserted"] == 1
-    assert flown.radius == pytest.approx(target["radius"], abs=10.0)
-    assert flown.speed == pytest.approx(target["speed"], abs=0.05)
-    for angle in ("flight_path_angle", "inclination"):
-        assert getattr(flown, angle) == pytest.approx(target[angle], abs=math.radians(1e-3))
 
 
 @pytest.mark.parametrize("hold_time_s", [2.0, 5.0, 10.0])

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measure linear gravity, chapter 3 of the thesis: its thrust integrals, the error of its arcs.
+"""Measure linear gravity, chapter 3 of the thesis: its table and its thrust integrals.
 
 Table 3.1 of the thesis compares the two gravities, but its linear column is not omega0^2 r;
-:func:`gravity_table` corrects it. :func:`error_table` has the errors on a burn for several arc
-lengths.
+:func:`gravity_table` corrects it.
 """
 
 from collections.abc import Sequence
@@ -12,17 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionArrays
-from ares_optimizer.indirect.closed_form import ArcError, flight_errors
 from ares_optimizer.indirect.solver import Rule, TwoPointOptions
 from ares_optimizer.kernels.timetable import SEGMENT
-from ares_optimizer.request import Heating
 from ares_optimizer.two_point.arrays import LINEAR, WORK, Gravity
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
 
 Array = NDArray[np.float64]
-
-ARC_LENGTHS_S = (430.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 
 
 @dataclass(frozen=True)
@@ -88,32 +82,3 @@ def thrust_integrals(
     closed_form_segment(segment[0], 1, field, options.record()[0], work[0])
     integrals = work["stage"][0, 0]
     return integrals[:3].copy(), integrals[3:].copy()
-
-
-def error_table(
-    arrays: MissionArrays,
-    start: NDArray[np.void],
-    unknowns: Array,
-    *,
-    arc_lengths_s: Sequence[float] = ARC_LENGTHS_S,
-    heating: Heating = Heating.AT_JETTISON,
-    burn: int | None = None,
-) -> tuple[ArcError, ...]:
-    """Tabulate errors of the closed form by arc length, rule and correction.
-
-    Args:
-        arrays: the mission.
-        start: shape (1,), dtype NAVIGATION.
-        unknowns: shape (7 + 2 drops,).
-        arc_lengths_s: s.
-        heating: where the limit holds.
-        burn: see :func:`flight_errors`.
-    """
-    rules: tuple[Rule, ...] = ("simpson", "milne")
-    choices = [
-        TwoPointOptions(heating=heating, arc_length_s=length, rule=rule, correction=correction)
-        for correction in (False, True)
-        for rule in rules
-        for length in arc_lengths_s
-    ]
-    return tuple(flight_errors(arrays, start, unknowns, chosen, burn) for chosen in choices)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ares_guidance.guess import JettisonPlan
 from ares_guidance.law import Law, LawSettings
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
@@ -16,6 +15,7 @@ from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
 from ares_thesis.peg.law import Pins, ThesisPeg
+from ares_thesis.peg.plan import JettisonPlan
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import Simulator
@@ -158,7 +158,7 @@ def _solved(
 
 
 def _plan(solution: Solution) -> JettisonPlan:
-    return offline_trajectory(solution).jettison_plan()
+    return JettisonPlan.from_trajectory(offline_trajectory(solution))
 
 
 def _optimum(name: str, solution: Solution, best: Solution) -> PinnedFlight:

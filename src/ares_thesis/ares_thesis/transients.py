@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from scipy.optimize import brentq
 
 from ares_models.mission import Mission, load_mission
-from ares_models.mission_parts import BurnArc, CoastArc, Stage
+from ares_models.mission_arcs import BurnArc, CoastArc
+from ares_models.mission_parts import Stage
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 

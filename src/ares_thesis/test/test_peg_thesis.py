@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ares_guidance.arrays import LAW_PEG, PHASE_CONVERGING, PHASE_HOLD
-from ares_guidance.guess import JettisonPlan, OfflineTrajectory
+from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings
 from ares_guidance.laws import make_law
 from ares_guidance.registry import law_names
@@ -17,6 +17,7 @@ from ares_models.arrays import NAVIGATION
 from ares_models.mission import load_mission
 from ares_thesis.peg.arrays import LAW_PEG_THESIS
 from ares_thesis.peg.law import Pins, ThesisPeg
+from ares_thesis.peg.plan import JettisonPlan
 from ares_trials.testing.laws import step_anew
 
 #: The optimum of the default mission.
@@ -114,7 +115,7 @@ def trajectory(**changes):
 
 
 def test_the_plan_of_a_trajectory():
-    plan = trajectory().jettison_plan()
+    plan = JettisonPlan.from_trajectory(trajectory())
     assert plan.radius_m == pytest.approx(7e6)
     assert plan.speed_m_s == pytest.approx(math.hypot(1e3, 7e3))
     assert plan.flight_path_angle_rad == pytest.approx(math.atan(1 / 7))
@@ -130,7 +131,7 @@ def test_the_plan_of_a_trajectory_from_after_staging():
         + ("arc_delta_v", "steering_reference_time")
         + ("steering_direction", "steering_direction_rate", "primer_rate")
     }
-    assert trajectory(**late).jettison_plan().delta_v_m_s == (0.0, 4.0, 8.0)
+    assert JettisonPlan.from_trajectory(trajectory(**late)).delta_v_m_s == (0.0, 4.0, 8.0)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +145,7 @@ def test_the_plan_of_a_trajectory_from_after_staging():
 )
 def test_a_trajectory_without_a_jettison_or_with_odd_lists_is_named(changes, words):
     with pytest.raises(ValueError, match=words):
-        trajectory(**changes).jettison_plan()
+        JettisonPlan.from_trajectory(trajectory(**changes))
 
 
 @pytest.mark.parametrize("name", ["delta_iii", "saturn_v_as506"])

@@ -11,7 +11,6 @@ import pytest
 from ares_studies.pages.parts import (
     BLANK,
     MINUS,
-    beside,
     line,
     number,
     power,
@@ -21,6 +20,7 @@ from ares_studies.pages.parts import (
 )
 from ares_studies.pages.templates import PALETTES, prose
 from ares_thesis.reproduce import printed
+from ares_thesis.reproduce.model import beside
 from ares_thesis.reproduce.page import dump, render
 from ares_thesis.reproduce.report import make_report, parts
 

@@ -73,28 +73,27 @@ class Restarts:
         cutoff_s: end of that flight, mission elapsed time.
     """
 
-    def __init__(self, mission: Mission, law: str, options: SimulatorOptions | None = None) -> None:
+    def __init__(self, mission: Mission, law: str) -> None:
         """Fly the undisturbed flight.
 
         Args:
             mission: to be flown.
             law: one of `ares_guidance.registry.law_names`.
-            options: integration of the plant.
 
         Raises:
             ValueError: the law cannot fly the mission.
         """
         self._mission, self._law = mission, law
-        self._options = options or SimulatorOptions()
+        options = SimulatorOptions()
         self._believed = mission.arrays(foreseen=True)
         self._judge = Judge(mission)
-        self._true, start = true_vehicle(mission, self._options, Dispersions(), 0)
+        self._true, start = true_vehicle(mission, options, Dispersions(), 0)
         self._start = _copy(start)
         self._begin_ns = round(float(start.plant["time"][0]) * NANOSECONDS)
-        self._period_ns = round(self._options.navigation_period_s * NANOSECONDS)
+        self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._first = ready_law(mission, law, state=start.navigation)
         self._blank = [array.copy() for array in self._first.onboard]
-        flight = fly_compiled(mission, self._options, law=law)
+        flight = fly_compiled(mission, options, law=law)
         self.events = flight.events.copy()
         self.arrives = self._arrives(flight.plant)
         self.cutoff_s = float(flight.plant["time"])

@@ -160,28 +160,26 @@ PLANT = np.dtype(
     align=True,
 )
 
-_TRUTH_FIELDS = [
-    ("position", np.float64, (3,)),
-    ("velocity", np.float64, (3,)),
-    ("mass", np.float64),
-    ("thrust_direction", np.float64, (3,)),
-    ("thrust", np.float64),
-    ("mass_flow", np.float64),
-    ("altitude", np.float64),
-    ("relative_speed", np.float64),
-    ("flight_path_angle", np.float64),
-    ("inclination", np.float64),
-    ("ascending_node", np.float64),
-    ("density", np.float64),
-    ("heating_rate", np.float64),
-    ("arc", np.int64),
-    ("jettisoned", np.int64),
-]
-
-TRUTH = np.dtype(_TRUTH_FIELDS, align=True)
-
-#: Names of the fields, in order; those of the message VehicleState.
-TRUTH_FIELDS = tuple(str(field[0]) for field in _TRUTH_FIELDS)
+TRUTH = np.dtype(
+    [
+        ("position", np.float64, (3,)),
+        ("velocity", np.float64, (3,)),
+        ("mass", np.float64),
+        ("thrust_direction", np.float64, (3,)),
+        ("thrust", np.float64),
+        ("mass_flow", np.float64),
+        ("altitude", np.float64),
+        ("relative_speed", np.float64),
+        ("flight_path_angle", np.float64),
+        ("inclination", np.float64),
+        ("ascending_node", np.float64),
+        ("density", np.float64),
+        ("heating_rate", np.float64),
+        ("arc", np.int64),
+        ("jettisoned", np.int64),
+    ],
+    align=True,
+)
 
 
 class VehicleArrays(NamedTuple):

@@ -32,7 +32,7 @@ from ares_models.input_file import (
     parse_input,
     read_text,
 )
-from ares_models.mission_parts import Latitude, Moment, Part, Turn, fail
+from ares_models.mission_keys import Latitude, Moment, Part, Turn, fail
 from ares_models.ranges import Range
 
 #: Largest mean or bound of a spread, as a multiple of the largest sigma.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MAX_KNOTS
 from ares_models.atmosphere import nrlmsis_tables
 from ares_models.mission import Mission
-from ares_models.mission_parts import GEOMAGNETIC_INDEX, SOLAR_FLUX
+from ares_models.mission_keys import GEOMAGNETIC_INDEX, SOLAR_FLUX
 from ares_vehicle_sim.arrays import VARIATION
 from ares_vehicle_sim.dispersions import (
     Dispersions,

@@ -20,6 +20,7 @@ from ares_bringup.report import BLANK, console, number, shown_path
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
 from ares_models.mission_warnings import FAR_ABOVE
+from ares_models.registry import registered
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import (
@@ -45,14 +46,8 @@ VERDICTS = {
 }
 NOT_FOUND = ("not found", EXIT_NOT_FOUND)
 
-#: Table 4.1 of the thesis: OTIS; the thesis' own optimization.
-THESIS_TABLE = {
-    "jettison, s": (422.20, 441.02),
-    "burn after it, s": (361.80, 328.43),
-    "cut-off, s": (784.00, 769.45),
-    "final mass, kg": (166_630.0, 173_430.0),
-}
-THESIS_MISSION = "ares_v"
+#: Entry points of this group tabulate results beside published ones, by name of the mission.
+PUBLISHED = "ares_bringup.published"
 
 
 def optimize(
@@ -149,7 +144,7 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
 @cache
 def _load(method: str) -> None:
     """Solve once without a time limit: the first call in a process loads or compiles kernels."""
-    solve(load_mission(THESIS_MISSION), method)
+    solve(load_mission("ares_v"), method)
 
 
 def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:
@@ -188,10 +183,12 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     if solution.trajectory is None:
         return
     out.print()
-    if mission.name == THESIS_MISSION:
-        out.print(_thesis_table(solution))
+    results = _results(solution)
+    published = registered(PUBLISHED).get(mission.name)
+    if published is not None:
+        out.print(published.load()(results))
     else:
-        for name, value in _results(solution).items():
+        for name, value in results.items():
             if math.isfinite(value):
                 out.print(f"{name:<18}{value:>14,.3f}")
     out.print()
@@ -210,14 +207,6 @@ def _results(solution: Solution) -> dict[str, float]:
         "cut-off, s": solution.t_meco_s,
         "final mass, kg": solution.m_f_kg,
     }
-
-
-def _thesis_table(solution: Solution) -> Table:
-    """Compare table 4.1 with this solution."""
-    table = plain_table("Table 4.1", "OTIS", "thesis", "ours")
-    for name, ours in _results(solution).items():
-        table.add_row(name, *(number(value, 2) for value in (*THESIS_TABLE[name], ours)))
-    return table
 
 
 def plain_table(first: str, *columns: str) -> Table:

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Define the verbs of studies: optimum, campaigns, aborts."""
 
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,11 +13,8 @@ from ares_bringup.options import (
     MAX_FLIGHTS,
     MAX_SEED,
     PEG,
-    AnalyticProfile,
     HeatingPhase,
-    JettisonTargetSource,
     Maximize,
-    PositionIntegral,
 )
 from ares_bringup.verbs.app import (
     BEGUN,
@@ -32,11 +32,38 @@ from ares_optimizer.registry import AUTO, method_names
 METHODS_HELP = (
     f"How to solve: {', '.join(method_names())}; auto chooses by the mission, and says what it did."
 )
-#: Entry points of this group answer `optimize --method NAME` in place of the common page.
+#: Entry points of this group answer `optimize --method NAME` in place of the common page: functions
+#: of mission, JSON or tables, and time limit, s. Their keyword-only parameters become options.
 OPTIMIZE = "ares_bringup.optimize"
+#: Method that has an option, by the option's parameter; filled by `with_options_of_methods`.
+OF_METHODS: dict[str, str] = {}
+
+
+def with_options_of_methods(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb the options of registered methods, in place of its last parameter.
+
+    A method whose answer cannot be imported has none, and says why when it is called.
+    """
+    own = signature(verb)
+    options = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+    for method, entry in sorted(registered(OPTIMIZE).items()):
+        with suppress(ImportError, AttributeError):
+            found = signature(entry.load(), eval_str=True).parameters.values()
+            more = [p for p in found if p.kind is p.KEYWORD_ONLY]
+            OF_METHODS.update((p.name, method) for p in more)
+            options += more
+    verb.__signature__ = own.replace(parameters=options)  # type: ignore[attr-defined]
+    return verb
+
+
+def _refuse(option: str, others: Mapping[str, object]) -> None:
+    """Refuse the first of other options that is given beside one."""
+    for name in (name for name, value in others.items() if value):
+        raise BadInput(f"{name} does not go with {option}")
 
 
 @app.command()
+@with_options_of_methods
 def optimize(
     mission: MissionOption = "ares_v",
     method: Annotated[str, typer.Option(help=METHODS_HELP)] = AUTO,
@@ -50,22 +77,6 @@ def optimize(
     hold_jettison: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
-    ] = None,
-    profile: Annotated[
-        AnalyticProfile | None,
-        typer.Option(help="Of analytic: polynomials as printed, or improved (default)."),
-    ] = None,
-    position_integral: Annotated[
-        PositionIntegral | None,
-        typer.Option(help="Of analytic: how position is integrated; default: exact."),
-    ] = None,
-    steps: Annotated[
-        tuple[int, int] | None,
-        typer.Option(metavar="N1 N2", help="Of analytic: steps of the trapezoid."),
-    ] = None,
-    jettison_target: Annotated[
-        JettisonTargetSource | None,
-        typer.Option(help="Of analytic: source of the target of part one; default: mission."),
     ] = None,
     maximize: Annotated[
         Maximize | None,
@@ -84,58 +95,36 @@ def optimize(
             "--beside", metavar="BAG", help="Of --out: lay the flight of this bag over it."
         ),
     ] = None,
+    **of_methods: Any,
 ) -> None:
     """Find the optimal ascent off line, with its proof.
 
     Exit status 0: optimal; 3: feasible, not proven to be the best; 4: infeasible; 1: not found.
     """
     needs("solve")
-    given = {
-        "profile": profile and profile.value,
-        "position_integral": position_integral and position_integral.value,
-        "steps": steps,
-        "jettison_target": jettison_target and jettison_target.value,
-    }
-    asked = {name: value for name, value in given.items() if value is not None}
     own_page = registered(OPTIMIZE).get(method)
+    asked = {name: value for name, value in of_methods.items() if value is not None}
+    given = {"--heating": heating, "--hold-jettison": hold_jettison, "--out": out}
     if bag is not None and out is None:
         raise BadInput("--beside goes with --out only")
+    if own_page is not None:
+        _refuse(f"--method {method}", given | {"--maximize": maximize})
+        raise typer.Exit(own_page.load()(mission, as_json, time_limit, **asked))
+    for name in asked:
+        raise BadInput(f"--{name.replace('_', '-')} goes with --method {OF_METHODS[name]} only")
+    if maximize is not None:
+        _refuse("--maximize", given | {"--method": method != AUTO})
+        from ares_bringup.commands.optimize import optimize_payload
+
+        raise typer.Exit(optimize_payload(mission, as_json, time_limit))
     if out is not None:
         needs("pages")
         if out.suffix not in (".html", ".htm"):
             raise BadInput(f"--out is {str(out)!r}; expected a file ending in .html")
-        if own_page is not None or maximize is not None:
-            raise BadInput("--out goes with neither --method analytic nor --maximize")
-    if own_page is not None:
-        others = {"--heating": heating, "--hold-jettison": hold_jettison}
-        refused = [name for name, value in others.items() if value]
-        raise typer.Exit(own_page.load()(mission, as_json, refused, asked, time_limit))
-    for name in asked:
-        raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
-    if maximize is not None:
-        beside = {
-            "--method": method != AUTO,
-            "--heating": heating is not None,
-            "--hold-jettison": bool(hold_jettison),
-        }
-        for name in (name for name, there in beside.items() if there):
-            raise BadInput(f"{name} does not go with --maximize")
-        from ares_bringup.commands.optimize import optimize_payload
-
-        raise typer.Exit(optimize_payload(mission, as_json, time_limit))
     from ares_bringup.commands.optimize import optimize as solve
 
-    status = solve(
-        mission,
-        method,
-        as_json,
-        heating.value if heating is not None else None,
-        tuple(hold_jettison or ()),
-        time_limit,
-        out,
-        bag,
-    )
-    raise typer.Exit(status)
+    kept, held = heating and heating.value, tuple(hold_jettison or ())
+    raise typer.Exit(solve(mission, method, as_json, kept, held, time_limit, out, bag))
 
 
 @app.command()

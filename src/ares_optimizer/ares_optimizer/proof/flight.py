@@ -73,7 +73,6 @@ class ProofFlight:
         final: shape (7,): position m, velocity m/s, mass kg.
         at_jettison: per jettison of the mission, (heating W/m2, time s) or None.
         peak_w_m2: greatest heating after the last heating-limited jettison; nan without one.
-        peak_time_s: time of that peak.
         pieces: in order of time.
         used_kg: propellant of the last stage burnt by the end.
     """
@@ -83,7 +82,6 @@ class ProofFlight:
     final: Array
     at_jettison: tuple[tuple[float, float] | None, ...]
     peak_w_m2: float
-    peak_time_s: float
     pieces: tuple[Piece, ...]
     used_kg: float
 
@@ -211,21 +209,19 @@ def _sampled(
     )
 
 
-def _greatest_heating(
-    arrays: MissionArrays, state: State, track: Trajectory
-) -> tuple[float, float]:
-    """Return the greatest heating over a piece, W/m2, and its time, s."""
+def _greatest_heating(arrays: MissionArrays, state: State, track: Trajectory) -> float:
+    """Return the greatest heating over a piece, W/m2."""
     grid, values = track.time_s, track.heating_rate
     best = int(np.argmax(values))
     if not 0 < best < len(grid) - 1:
-        return float(values[best]), float(grid[best])
+        return float(values[best])
     refined = minimize_scalar(
         lambda t: -float(heating(state(t)[:3], state(t)[3:6], arrays)),
         bounds=(grid[best - 1], grid[best + 1]),
         method="bounded",
         options={"xatol": 1e-6},
     )
-    return -float(refined.fun), float(refined.x)
+    return -float(refined.fun)
 
 
 def fly(
@@ -250,11 +246,9 @@ def fly(
     plan = plan_flight(arrays, start, t_meco)
     now = float(start["time"])
     done = {j for j in range(len(jettisons)) if (int(start["jettisoned"]) >> j) & 1}
-    due = {
-        j: max(t, now)
-        for j, t in enumerate(jettison_times)
-        if math.isfinite(t) and t <= t_meco + _SAME_TIME and j not in done
-    }
+    last = t_meco + _SAME_TIME
+    times = enumerate(jettison_times)
+    due = {j: max(t, now) for j, t in times if t <= last and math.isfinite(t) and j not in done}
     breaks = plan.breaks | set(due.values()) | {t for t in boundaries if now < t < plan.end}
     ends = sorted(t for t in breaks if t > now + _SAME_TIME)
     arc = arrays.arcs[start["arc"]]
@@ -265,9 +259,7 @@ def fly(
     pieces: list[Piece] = []
     watching = False
     period = max(SAMPLE_PERIOD, (plan.end - now) / MOST_SAMPLES)
-    peak, peak_time = -math.inf, math.nan
-    t = now
-    spared = 0.0
+    peak, spared, t = -math.inf, 0.0, now
     for end in [*ends, math.inf]:
         for time, k in plan.stagings:
             if abs(time - t) <= _SAME_TIME:
@@ -286,14 +278,11 @@ def fly(
         pieces.append(piece)
         tracks.append(_sampled(arrays, piece, direction, period, (y, after)))
         if watching:
-            level, at = _greatest_heating(arrays, piece.state, tracks[-1])
-            if level > peak:
-                peak, peak_time = level, at
+            peak = max(peak, _greatest_heating(arrays, piece.state, tracks[-1]))
         spared += spared_by_throttle(
             arrays.arcs, running(plan.engines, t, end), y[6] - after[6], t, piece.end
         )
-        y = after
-        t = end
+        y, t = after, end
         if piece.end < end:
             break
     return ProofFlight(
@@ -302,7 +291,6 @@ def fly(
         y,
         tuple(at_jettison),
         peak if math.isfinite(peak) else math.nan,
-        peak_time,
         tuple(pieces),
         plan.used_kg - spared,
     )

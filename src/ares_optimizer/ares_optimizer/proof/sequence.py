@@ -114,6 +114,19 @@ def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float
     return []
 
 
+def _full_mass(arrays: MissionArrays, start: Record) -> float:
+    """Return the mass at the start of the present stage, less what has been dropped since, kg."""
+    arc = arrays.arcs[start["arc"]]
+    full = float(arc["stack_mass"])
+    for j, jettison in enumerate(arrays.jettisons):
+        gone = (int(start["jettisoned"]) >> j) & 1
+        if not gone and jettison["stage"] < arc["stage"]:
+            full += float(jettison["mass"])
+        elif gone and jettison["stage"] >= arc["stage"]:
+            full -= float(jettison["mass"])
+    return full
+
+
 def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
     """Lay out the arcs of a mission in time, from the start to the end of the tail-off.
 
@@ -127,16 +140,8 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
     plan = Plan()
     k = int(start["arc"])
     begin = float(start["arc_start_time"])
-    stage = int(arcs[k]["stage"])
     mass = float(start["mass"]) if start["mass"] > 0.0 else float(arcs[k]["stack_mass"])
-    full = float(arcs[k]["stack_mass"])
-    for j, jettison in enumerate(arrays.jettisons):
-        gone = (int(start["jettisoned"]) >> j) & 1
-        if not gone and jettison["stage"] < stage:
-            full += float(jettison["mass"])
-        elif gone and jettison["stage"] >= stage:
-            full -= float(jettison["mass"])
-    used = max(0.0, full - mass)
+    used = max(0.0, _full_mass(arrays, start) - mass)
     running = _left_running(arcs, k, begin, now)  # of this stage, for its propellant
     for tail in running:
         plan.engines.append(tail)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ares_models.arrays import BURN, Record
+from ares_models.kernels.environment import altitude
+from ares_models.kernels.states import insertion_quantities
 from ares_models.mission import Mission
 from ares_optimizer.solution import FlownArc, Solution, Trajectory
 from ares_studies.flight_page.data import Optimality, Recording
 from ares_studies.flight_page.geometry import local_axes
-from ares_studies.history import profile_of
 
 Array = NDArray[np.float64]
 
@@ -40,9 +41,15 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
     Raises:
         ValueError: the solution has no trajectory.
     """
-    profile = profile_of(mission, solution)
     track = solution.trajectory
-    assert track is not None
+    if track is None:
+        raise ValueError(f"{solution.method} has no trajectory: {solution.reason}")
+    states = [
+        (tuple(r), tuple(v))
+        for r, v in zip(track.position.tolist(), track.velocity.tolist(), strict=True)
+    ]
+    insertion = np.array([insertion_quantities(r, v) for r, v in states])
+    environment = mission.environment_array()[0]
     turn = np.array([0.0, 0.0, mission.earth().rotation_rate])
     air = np.cross(turn, track.position)
     truth = {
@@ -52,10 +59,10 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
         "mass": track.mass,
         "thrust_direction": track.direction,
         "thrust": track.thrust,
-        "altitude": profile.altitude_m,
+        "altitude": np.array([altitude(r, environment) for r, _ in states]),
         "relative_speed": np.linalg.norm(track.velocity - air, axis=1),
-        "flight_path_angle": np.radians(profile.flight_path_angle_deg),
-        "inclination": np.radians(profile.inclination_deg),
+        "flight_path_angle": insertion[:, 2],
+        "inclination": insertion[:, 3],
         "heating_rate": track.heating_rate,
         "arc": _arcs(track.time_s, solution.flown),
         "jettisoned": _jettisoned(track.time_s, mission, solution),

@@ -206,35 +206,6 @@ def word(text: str) -> Cell:
     return Cell(text)
 
 
-def beside(
-    label: str,
-    thesis: float,
-    here: float,
-    decimals: int,
-    of_thesis: int | None = None,
-    note: str = "",
-) -> Row:
-    """Make a row: thesis, here, difference.
-
-    Args:
-        label: quantity with its unit.
-        thesis: as printed; nan if not printed.
-        here: our value.
-        decimals: of our value and of the difference.
-        of_thesis: decimals as printed, if different.
-        note: a sentence.
-    """
-    printed = number(thesis, decimals if of_thesis is None else of_thesis)
-    return Row(
-        label,
-        (printed, number(here, decimals), number(here - thesis, decimals, signed=True)),
-        note,
-    )
-
-
-BESIDE = (Column("thesis", "thesis"), Column("here", "here"), Column("difference"))
-
-
 def line(
     name: str,
     role: Role,

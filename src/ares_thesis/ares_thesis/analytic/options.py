@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ares_optimizer.solution import OptimizerError
-from ares_thesis.analytic.kernels import burn as kernels
+from ares_thesis.analytic import arrays
 
 POSITION_INTEGRALS = {
-    "exact": kernels.EXACT,
-    "trapezoid": kernels.TRAPEZOID,
-    "quadratic": kernels.QUADRATIC_SPEED,
+    "exact": arrays.EXACT,
+    "trapezoid": arrays.TRAPEZOID,
+    "quadratic": arrays.QUADRATIC_SPEED,
 }
-STEERINGS = {"local": kernels.LOCAL, "inertial": kernels.INERTIAL, "primer": kernels.PRIMER}
+STEERINGS = {"local": arrays.LOCAL, "inertial": arrays.INERTIAL, "primer": arrays.PRIMER}
 JETTISON_TARGETS = ("mission", "optimizer")
 
 _MOST_STEPS = 100_000

@@ -19,7 +19,7 @@ from ares_optimizer.solution import (
     Status,
     UnfitMethod,
 )
-from ares_thesis.analytic.kernels import burn as kernels
+from ares_thesis.analytic import arrays as layout
 from ares_thesis.analytic.kernels import iteration
 from ares_thesis.analytic.kernels import target as target_search
 from ares_thesis.analytic.kernels.plane import Plane
@@ -28,7 +28,7 @@ from ares_thesis.analytic.plane import tilted_plane
 
 Array = NDArray[np.float64]
 
-_FORMS = {"cubic": (kernels.CUBIC, 3), "fitted": (kernels.FITTED, 5)}
+_FORMS = {"cubic": (layout.CUBIC, 3), "fitted": (layout.FITTED, 5)}
 _ITERATIONS = 100
 _SAME_TIME = 1e-6
 
@@ -178,11 +178,11 @@ def _burns(ascent: Ascent, options: AnalyticOptions, which: str) -> NDArray[np.v
     """Return the burns of part ``one`` or ``two``, or of the ``whole`` ascent as one part."""
     arcs = ascent.arrays.arcs
     indices = [1] if which == "two" else list(range(ascent.first_arc, 2))
-    burns = np.zeros(len(indices), kernels.BURN)
+    burns = np.zeros(len(indices), layout.BURN)
     burns["moments_of"] = math.nan
     for burn, k in zip(burns, indices, strict=True):
         between = k == 1 and which == "one"
-        printed = (kernels.LINEAR, 2) if between else (kernels.QUADRATIC, 3)
+        printed = (layout.LINEAR, 2) if between else (layout.QUADRATIC, 3)
         burn["form"], burn["nodes"] = _FORMS.get(options.ties.sine, printed)
         burn["steps"] = options.steps[1 if between else 0]
         burn["exhaust_velocity"] = arcs[k]["exhaust_velocity"]
@@ -199,7 +199,7 @@ def _part(
     target: tuple[float, float, float],
 ) -> NDArray[np.void]:
     """Return the record of a part between two states (radius m, speed m/s, gamma rad), no guess."""
-    part = np.zeros(1, kernels.PART)
+    part = np.zeros(1, layout.PART)
     ties = options.ties
     part["mu"] = ascent.arrays.environment[0]["mu"]
     part["burns"] = len(burns)

@@ -3,7 +3,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -14,7 +14,6 @@ from rich.text import Text
 from ares_bringup.commands.optimize import (
     EXIT_NOT_FOUND,
     EXIT_OPTIMAL,
-    THESIS_MISSION,
     arc_table,
     constraint_table,
     plain_table,
@@ -49,10 +48,9 @@ THESIS_COLUMN: dict[str, float] = {
 _DECIMALS = {"iterations, part one": 0, "iterations, part two": 0, "jettison radius, m": 0}
 
 
-def optimize_analytic(
+def optimize(
     mission_name: str,
     as_json: bool,
-    refused: Sequence[str],
     asked: Mapping[str, Any],
     time_limit_s: float,
 ) -> int:
@@ -61,7 +59,6 @@ def optimize_analytic(
     Args:
         mission_name: shipped name or path.
         as_json: one JSON object instead of the tables.
-        refused: options given that belong to other methods.
         asked: options given of `AnalyticOptions`, by name.
         time_limit_s: wall time of the iterations, and of the search for the optimum, s.
 
@@ -71,8 +68,6 @@ def optimize_analytic(
     Raises:
         CannotStart: bad mission or option, or the method cannot solve the mission; one line.
     """
-    for name in refused:
-        raise CannotStart(f"{name} does not go with --method analytic")
     if "steps" in asked and asked.get("position_integral") != "trapezoid":
         raise CannotStart("--steps goes with --position-integral trapezoid only")
     try:
@@ -80,7 +75,7 @@ def optimize_analytic(
         mission = load_mission(mission_name)
         # loads the kernels, and refuses the mission before the search for the optimum
         solve_analytic(mission, verify=False)
-        solve(load_mission(THESIS_MISSION))
+        solve(load_mission("ares_v"))
         optimum = solve(mission, time_limit_s=time_limit_s)
         with Deadline(time_limit_s) as deadline:
             found = {
@@ -168,7 +163,7 @@ def _comparison(
     """Tabulate both jettison targets beside the optimum and, for its mission, the thesis."""
     columns = {name: _column(one) for name, one in found.items()}
     columns["optimum"] = _optimum_column(mission, optimum)
-    if mission.name == THESIS_MISSION:
+    if mission.name == "ares_v":
         columns["thesis"] = THESIS_COLUMN
     table = plain_table("jettison target of", *columns)
     for name in columns["mission"]:

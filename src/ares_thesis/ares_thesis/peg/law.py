@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ares_guidance.guess import JettisonPlan, OfflineTrajectory
+from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs
 from ares_models.arrays import (
     BURN,
@@ -26,6 +26,7 @@ from ares_thesis.peg.arrays import (
     THESIS_MEMORY,
 )
 from ares_thesis.peg.kernels import step_by_modes
+from ares_thesis.peg.plan import JettisonPlan
 
 #: Planes that modes 1 and 2 can hold.
 PLANES = {"mode": PLANE_OF_MODE, "flight": PLANE_OF_FLIGHT, "free": PLANE_FREE}
@@ -125,7 +126,7 @@ class ThesisPeg(Law):
         Raises:
             ValueError: the trajectory has none.
         """
-        self._plan = trajectory.jettison_plan()
+        self._plan = JettisonPlan.from_trajectory(trajectory)
         if needs_plan(self._arrays.arcs, self._arrays.target[0]):
             self.follow_arcs(trajectory.arc_plan(self._arrays))
         else:
@@ -172,6 +173,6 @@ LAW = LawKind(
     LAW_PEG_THESIS,
     step_by_modes,
     ThesisPeg,
-    needs_trajectory=True,
+    trajectory_method="analytic",
     memory=THESIS_MEMORY,
 )

@@ -8,19 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ares_studies.pages.parts import (
-    BESIDE,
     Cell,
     Column,
     PageTable,
     Row,
     about,
-    beside,
     number,
     word,
 )
 from ares_thesis.analytic.flight import PlanarFlight
 from ares_thesis.analytic.solve import AnalyticPart, AnalyticSolution
 from ares_thesis.reproduce import printed
+from ares_thesis.reproduce.model import BESIDE, beside
 from ares_thesis.reproduce.sources import Sources
 
 
@@ -187,13 +186,10 @@ def table_6_1(s: Sources) -> PageTable:
     return PageTable(
         (Column("first guess", "thesis"), *_named(BESIDE, "optimum")),
         tuple(
-            Row(
-                label,
-                (
-                    number(thesis["guess"][key], 0),
-                    *beside("", thesis["optimum"].get(key, math.nan), ours, 2).cells,
-                ),
-                note,
+            beside(
+                *(label, thesis["optimum"].get(key, math.nan), ours, 2),
+                note=note,
+                before=(number(thesis["guess"][key], 0),),
             )
             for label, key, ours, note in rows
         ),
@@ -237,14 +233,9 @@ def table_6_2(s: Sources) -> PageTable:
         _converged(found) for found in (s.analytic_printed, s.analytic_exact, s.analytic_improved)
     )
     rows = tuple(
-        Row(
-            label,
-            (
-                *beside("", thesis[key], here[key], digits).cells,
-                number(exact[key], digits),
-                number(improved[key], digits),
-                number(optimum.get(key, math.nan), digits),
-            ),
+        beside(
+            *(label, thesis[key], here[key], digits),
+            after=(exact[key], improved[key], optimum.get(key, math.nan)),
         )
         for label, key, digits, _ in _CONVERGED
     )
@@ -323,14 +314,10 @@ def table_6_4(s: Sources) -> PageTable:
     return PageTable(
         (*BESIDE, Column("improved", "here"), Column("optimum", "other")),
         tuple(
-            Row(
-                label,
-                (
-                    *beside("", thesis[key], here[key], digits).cells,
-                    number(improved[key], digits),
-                    number(optimum.get(key, math.nan), digits),
-                ),
-                note,
+            beside(
+                *(label, thesis[key], here[key], digits),
+                note=note,
+                after=(improved[key], optimum.get(key, math.nan)),
             )
             for label, key, digits, note in (
                 ("Iterations", "iterations", 0, ""),
@@ -376,15 +363,11 @@ def table_6_5(s: Sources) -> PageTable:
             Column("analytic, improved", "here"),
         ),
         tuple(
-            Row(
-                label,
-                (
-                    number(thesis["optimum"][key], 2),
-                    number(optimum[key], 2),
-                    *beside("", thesis["analytic"][key], here[key], 2).cells,
-                    number(improved[key], 2),
-                ),
-                note,
+            beside(
+                *(label, thesis["analytic"][key], here[key], 2),
+                note=note,
+                before=(number(thesis["optimum"][key], 2), number(optimum[key], 2)),
+                after=(improved[key],),
             )
             for label, key, note in (
                 ("Jettison t_PLF, s", "jettison_s", ""),
@@ -444,14 +427,7 @@ def table_6_6(s: Sources) -> PageTable:
     return PageTable(
         (*BESIDE, Column("improved", "here"), Column("optimum", "other")),
         tuple(
-            Row(
-                label,
-                (
-                    *beside("", of_thesis, ours[0], 4).cells,
-                    *(number(value, 4) for value in ours[1:]),
-                ),
-                note,
-            )
+            beside(label, of_thesis, ours[0], 4, note=note, after=ours[1:])
             for (label, of_thesis, ours), note in zip(table, notes, strict=True)
         ),
         "The thesis' later jettison moves velocity from the third row to the second. Its sum is "

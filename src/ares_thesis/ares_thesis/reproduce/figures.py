@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from ares_optimizer.solution import Solution
-from ares_studies.history import FlightHistory
 from ares_studies.pages.parts import (
     Axis,
     Figure,
@@ -21,6 +20,7 @@ from ares_studies.pages.parts import (
     line,
     marks,
 )
+from ares_thesis.history import FlightHistory
 from ares_thesis.reproduce import printed
 from ares_thesis.reproduce.sources import Sources
 

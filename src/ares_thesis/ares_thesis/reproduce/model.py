@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Define the report on the thesis as plain data for both the page and the JSON file."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ares_studies.pages.parts import Cell, Chapter, PageTable, Role
+from ares_studies.pages.parts import Cell, Chapter, Column, PageTable, Role, Row, number
 
 
 @dataclass(frozen=True)
@@ -48,3 +48,34 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         """Return an object for ``json.dumps(allow_nan=False)``."""
         return asdict(self)
+
+
+def beside(
+    label: str,
+    thesis: float,
+    here: float,
+    decimals: int,
+    of_thesis: int | None = None,
+    note: str = "",
+    before: Sequence[Cell] = (),
+    after: Iterable[float] = (),
+) -> Row:
+    """Make a row: thesis, here, difference.
+
+    Args:
+        label: quantity with its unit.
+        thesis: as printed; nan if not printed.
+        here: our value.
+        decimals: of our value and of the difference.
+        of_thesis: decimals as printed, if different.
+        note: a sentence.
+        before: cells that come before these.
+        after: further values of ours.
+    """
+    printed = number(thesis, decimals if of_thesis is None else of_thesis)
+    difference = number(here - thesis, decimals, signed=True)
+    more = (number(value, decimals) for value in after)
+    return Row(label, (*before, printed, number(here, decimals), difference, *more), note)
+
+
+BESIDE = (Column("thesis", "thesis"), Column("here", "here"), Column("difference"))

@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from ares_models.orbits import Insertion
-from ares_studies.history import History
 from ares_studies.pages.parts import (
     Axis,
     Column,
@@ -18,12 +17,12 @@ from ares_studies.pages.parts import (
     Role,
     Row,
     Series,
-    beside,
     line,
     marks,
     number,
     small,
 )
+from ares_thesis.history import History
 from ares_thesis.pins import WATCHED
 from ares_thesis.reproduce import printed
 from ares_thesis.reproduce.figures import (
@@ -37,6 +36,7 @@ from ares_thesis.reproduce.figures import (
     Quantity,
     levels,
 )
+from ares_thesis.reproduce.model import beside
 from ares_thesis.reproduce.sources import Sources
 from ares_vehicle_sim.arrays import JETTISON_DONE
 
@@ -93,8 +93,9 @@ def table_6_7(s: Sources) -> PageTable:
             values = (thesis[key], here[key], here[key] - thesis[key], ours[key])
             rows.append(Row(label, tuple(small(value) for value in values), note))
         else:
-            cells = beside("", thesis[key], here[key], digits).cells
-            rows.append(Row(label, (*cells, number(ours[key], digits)), note))
+            rows.append(
+                beside(label, thesis[key], here[key], digits, note=note, after=(ours[key],))
+            )
     return PageTable(
         (
             Column("PEG", "thesis"),
@@ -139,14 +140,10 @@ def table_6_8(s: Sources) -> PageTable:
             Column(OURS, "here"),
         ),
         tuple(
-            Row(
-                label,
-                (
-                    number(table["optimum"][key], of_thesis),
-                    number(optimum[key], digits),
-                    *beside("", table["peg"][key], here[key], digits, of_thesis).cells,
-                    number(ours[key], digits),
-                ),
+            beside(
+                *(label, table["peg"][key], here[key], digits, of_thesis),
+                before=(number(table["optimum"][key], of_thesis), number(optimum[key], digits)),
+                after=(ours[key],),
             )
             for key, label, of_thesis, digits in (
                 ("jettison_s", "Jettison t_PLF, s", 2, 2),

@@ -11,11 +11,11 @@ from ares_models.orbits import Insertion
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import ready_law
-from ares_studies.history import FlightHistory, History, profile_of, record_flight
 from ares_studies.pages.parts import number
 from ares_thesis.analytic.flight import FittedPiece, PlanarFlight, fit_flight, planar_flight
 from ares_thesis.analytic.options import AnalyticOptions
 from ares_thesis.analytic.solve import AnalyticSolution, solve_analytic
+from ares_thesis.history import FlightHistory, History, profile_of, record_flight
 from ares_thesis.pins import PinnedFlight, WrongThrust, pin_study, wrong_thrust_study
 from ares_thesis.reproduce import printed
 from ares_thesis.transients import (

@@ -8,18 +8,17 @@ import numpy as np
 
 from ares_optimizer.solution import Solution
 from ares_studies.pages.parts import (
-    BESIDE,
     BLANK,
     Column,
     PageTable,
     Row,
-    beside,
     number,
     power,
     word,
 )
 from ares_thesis.closed_form import gravity_table
 from ares_thesis.reproduce import printed
+from ares_thesis.reproduce.model import BESIDE, beside
 from ares_thesis.reproduce.sources import Sources
 from ares_thesis.transients import mass_after_full_flow
 
@@ -178,10 +177,9 @@ def table_4_1(s: Sources) -> PageTable:
         f"still {s.held.m_f_kg:,.1f} kg [E2].",
     }
     rows = [
-        Row(
-            label,
-            (number(otis[key], digits), *beside("", thesis[key], ours[key], fine, digits).cells),
-            notes.get(key, ""),
+        beside(
+            *(label, thesis[key], ours[key], fine, digits, notes.get(key, "")),
+            before=(number(otis[key], digits),),
         )
         for key, label, digits, fine in _RESULT_ROWS
     ]
@@ -198,8 +196,8 @@ def table_4_1(s: Sources) -> PageTable:
             "Fairing off at staging: the most that Table 2.2 can lift.",
         ),
     ):
-        cells = beside("", thesis["final_mass_kg"], solution.m_f_kg, 1, 0).cells
-        rows.append(Row(label, (word(BLANK), *cells), note))
+        mass = thesis["final_mass_kg"]
+        rows.append(beside(label, mass, solution.m_f_kg, 1, 0, note, before=(word(BLANK),)))
     return PageTable(
         (
             Column("OTIS", "otis"),

@@ -10,7 +10,7 @@ from typing import Any
 from ares_models.input_file import InputKind, read_input
 from ares_models.mission import MISSION as MISSION_FILE
 from ares_models.mission import Mission
-from ares_models.mission_parts import Part
+from ares_models.mission_keys import Part
 from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
 from ares_trials.sweep.inputs import Input, inputs, to_yaml
 from ares_trials.sweep.pool import Task

@@ -109,15 +109,14 @@ class AttemptWorker:
         wall_limit_s: wall time after which an attempt is stopped, s.
     """
 
-    def __init__(self, warm: Sequence[Task], wall_limit_s: float = WALL_LIMIT_S) -> None:
+    def __init__(self, warm: Sequence[Task]) -> None:
         """Start nothing yet.
 
         Args:
             warm: tasks that each process runs first, without a limit on CPU time.
-            wall_limit_s: wall time after which an attempt is stopped, s.
         """
         self._warm = warm
-        self.wall_limit_s = wall_limit_s
+        self.wall_limit_s = WALL_LIMIT_S
         self._process: multiprocessing.process.BaseProcess | None = None
 
     @property

@@ -2,6 +2,7 @@
 """Judge and measure the ends of flights, for tests and benchmarks only."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,14 @@ def judged(mission: Mission, plant: Record) -> Judgement:
     )
 
 
-def assert_within(found: NDArray[np.float64], limits: list[float]) -> None:
+def assert_inserted(
+    mission: Mission, flight: Flight, limits: Sequence[float] = (10.0, 0.05, 1e-3, 1e-3)
+) -> None:
+    """Assert an insertion with every error within its limit, see `errors`."""
+    assert flight.plant["inserted"] == 1
+    assert_within(errors(mission, flight), limits)
+
+
+def assert_within(found: NDArray[np.float64], limits: Sequence[float]) -> None:
     """Assert that every error is within its limit, in absolute value."""
     assert np.all(np.abs(found) <= limits), found

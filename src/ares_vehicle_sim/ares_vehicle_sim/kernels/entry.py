@@ -11,6 +11,7 @@ from ares_models.kernels.records import mission_records
 from ares_models.kernels.steering import is_sound
 from ares_vehicle_sim.arrays import Vehicle, VehicleArrays
 from ares_vehicle_sim.kernels import plant as kernels
+from ares_vehicle_sim.kernels.commands import accept_command
 from ares_vehicle_sim.kernels.navigation import measure
 
 
@@ -32,7 +33,7 @@ def command(mission: MissionArrays, vehicle: VehicleArrays, steering: NDArray[An
     """Accept a command, shape (1,), dtype STEERING; return False if it is invalid."""
     if not is_sound(steering[0], mission.jettisons.shape[0]):
         return False
-    kernels.accept_command(vehicle.plant[0], steering[0])
+    accept_command(vehicle.plant[0], steering[0])
     return True
 
 

@@ -39,7 +39,6 @@ from ares_models.kernels.sequence import (
     tail_end_time,
 )
 from ares_models.kernels.states import insertion_quantities
-from ares_models.kernels.steering import copy_decision
 from ares_models.kernels.throttle import (
     LIMITED,
     mass_after,
@@ -83,6 +82,7 @@ from ares_vehicle_sim.arrays import (
     TIME_LIMIT,
     Vehicle,
 )
+from ares_vehicle_sim.kernels.commands import put_in_force
 from ares_vehicle_sim.kernels.failures import (
     fails_to_ignite,
     failure_due,
@@ -334,44 +334,6 @@ def fail(plant: Record, arcs: NDArray[Any]) -> bool:
     elif plant.failure.struck != IN_VAIN:
         log_event(plant, FAILED, plant.arc)
     return ends
-
-
-@kernel
-def copy_command(source: Record, destination: Record) -> None:
-    """Copy a command, but keep cut-off and arc ends that the new command does not know.
-
-    A predicted cut-off is thus carried out even if later commands have none.
-    """
-    known = destination.cutoff_time
-    copy_decision(source, destination)
-    if math.isnan(source.cutoff_time):
-        destination.cutoff_time = known
-    for k in range(MAX_ARCS):
-        if math.isfinite(source.arc_end_times[k]):
-            destination.arc_end_times[k] = source.arc_end_times[k]
-
-
-@kernel
-def put_in_force(plant: Record, command: Record) -> None:
-    """Put a command in force."""
-    copy_command(command, plant.command)
-    for j in range(plant.jettison_time.shape[0]):
-        plant.jettison_time[j] = math.nan
-    if 0 <= command.jettison < plant.jettison_time.shape[0]:
-        plant.jettison_time[command.jettison] = command.jettison_time
-
-
-@kernel
-def accept_command(plant: Record, steering: Record) -> None:
-    """Accept a checked command, in force at once or after the flight's latency.
-
-    While one is pending the guidance computer is busy, and others are ignored.
-    """
-    if not plant.latency > 0.0:
-        put_in_force(plant, steering)
-    elif plant.pending_time == math.inf:
-        copy_command(steering, plant.pending)
-        plant.pending_time = plant.time + plant.latency
 
 
 @kernel

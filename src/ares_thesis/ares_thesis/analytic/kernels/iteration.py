@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ares_models.arrays import Record
 from ares_models.jit import allocating, kernel
 from ares_optimizer.kernels.algebra import least_step
-from ares_thesis.analytic.kernels.burn import LOCAL, POWERS, cosine_of, log_moments, project
+from ares_thesis.analytic.arrays import LOCAL, POWERS
+from ares_thesis.analytic.kernels.burn import cosine_of, log_moments, project
 
 Array = NDArray[np.float64]
 

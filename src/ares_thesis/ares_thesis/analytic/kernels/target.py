@@ -17,10 +17,8 @@ from ares_models.arrays import Record
 from ares_models.jit import allocating, kernel
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.linear import back_substitute, factor
+from ares_thesis.analytic.arrays import LOCAL, MAX_NODES, POWERS
 from ares_thesis.analytic.kernels.burn import (
-    LOCAL,
-    MAX_NODES,
-    POWERS,
     angle_of,
     polynomial,
     project,

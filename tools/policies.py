@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derive the SROS2 access policies from the endpoints that the nodes create.
 
-    ./ares exec python -m ares_bringup.policies
+    ./ares exec python tools/policies.py
 
-starts each node alone, reads its endpoints, and writes policies.xml beside this file. Usage:
+starts each node alone, reads its endpoints, and writes policies.xml of ares_bringup. Usage:
 docs/security.md.
 """
+
+# mypy: allow-untyped-calls
+# rclpy has no types
 
 import os
 import socket
@@ -21,6 +24,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 
+import ares_bringup
 from ares_bags.recorder import RecorderNode
 from ares_bringup.judge import JudgeNode
 from ares_guidance.node import GuidanceNode
@@ -33,7 +37,7 @@ from ares_vehicle_sim.node import VehicleSimNode
 from ares_view.live.node import LiveNode
 from ares_view.standard.node import ViewNode
 
-FILE = Path(__file__).with_name("policies.xml")
+FILE = Path(ares_bringup.__file__).with_name("policies.xml")
 #: Enclave of the process with the judge, or with all nodes in-process.
 FLY = "fly"
 #: Enclave of a replay, which publishes in place of the recorded nodes.

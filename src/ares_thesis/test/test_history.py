@@ -9,7 +9,7 @@ from ares_models.mission import load_mission
 from ares_optimizer.solution import Cause, Status, failed
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_stepwise
-from ares_studies.history import pitch_deg, profile_of, record_flight
+from ares_thesis.history import pitch_deg, profile_of, record_flight
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +80,6 @@ def test_the_profile_of_an_optimum(mission):
     (staging,) = np.flatnonzero(np.diff(profile.thrust_n))
     assert profile.time_s[staging] == profile.time_s[staging + 1] == pytest.approx(337.15)
     assert profile.mass_kg[-1] == pytest.approx(solution.m_f_kg, abs=0.1)
-    assert profile.steering_angle_deg == pytest.approx(
-        profile.pitch_deg - profile.flight_path_angle_deg
-    )
 
 
 def test_a_solution_without_a_flight_has_no_profile(mission):

@@ -17,7 +17,7 @@ from ares_models.mission import Mission
 from ares_models.units import NANOSECONDS
 from ares_optimizer.solution import Solution
 from ares_studies.closed_loop import Flight
-from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
+from ares_vehicle_sim.simulator import Simulator
 
 Array = NDArray[np.float64]
 
@@ -49,11 +49,6 @@ class FlightHistory:
     heating_w_m2: Array
     inclination_deg: Array
     ascending_node_deg: Array
-
-    @property
-    def steering_angle_deg(self) -> Array:
-        """Return the angle from velocity to thrust, alpha = theta - gamma (Eq. 5.2)."""
-        return self.pitch_deg - self.flight_path_angle_deg
 
 
 @dataclass(frozen=True)
@@ -127,18 +122,17 @@ def profile_of(mission: Mission, solution: Solution) -> FlightHistory:
     )
 
 
-def record_flight(mission: Mission, law: Law, options: SimulatorOptions | None = None) -> History:
+def record_flight(mission: Mission, law: Law) -> History:
     """Fly a mission with perfect navigation through the objects that the nodes use.
 
     Args:
         mission: to be flown.
         law: unused, made for this mission.
-        options: integration of the plant.
 
     Returns:
         A row per navigation state, with the command that answered it, and one for the end.
     """
-    simulator = Simulator(mission, options)
+    simulator = Simulator(mission)
     rows = []
     predictions = []
     while True:
