@@ -384,6 +384,18 @@ def test_a_burn_that_would_go_through_the_ground_is_no_optimum_till_its_floor_is
     assert lowest.active and lowest.satisfied and lowest.limit == 0.0
 
 
+def test_a_start_1_m_above_the_ground_needs_no_floor_in_the_file() -> None:
+    mission = load_mission(MISSIONS / "from_the_ground.yaml")
+    found = solve(mission, "auto")
+    assert found.status is Status.FEASIBLE, found.reason
+    assert found.reason.startswith("arc 0 would go through the ground and is kept above 0 m")
+    arrays = mission.arrays()
+    arrays.arcs["min_altitude"] = 0.0
+    named = solve(arrays, "auto", state=start_of(mission))
+    assert named.status is Status.CONVERGED, named.reason
+    assert found.m_f_kg == pytest.approx(named.m_f_kg, abs=0.01)
+
+
 def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
     point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)

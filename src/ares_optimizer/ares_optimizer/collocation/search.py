@@ -157,7 +157,8 @@ class Search:
             return
         self.starts += 1
         found = self._solved(trial)
-        if found is not None and (deep := self._underground(found)):
+        deep = self._without_floor() if found is None else self._underground(found)
+        if deep:
             # floor of these arcs: _BELOW_START_M below the start, at most the edge of the air
             level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
             added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
@@ -168,6 +169,13 @@ class Search:
             self.keep(found)
         elif found is not None:
             self._unproven = True
+
+    def _without_floor(self) -> list[int]:
+        """Return the arcs without a floor if the start is near the ground, where searches sink."""
+        if self.best is not None or self._start_m > _BELOW_START_M:
+            return []
+        known = {floor.arc for floor in self.floors}
+        return [k for k in range(int(self.start["arc"][0]), len(self.arrays.arcs)) if k not in known]
 
     def _underground(self, found: Found) -> list[int]:
         """Return the arcs without a floor that a flight flies below the ground."""
