@@ -35,6 +35,7 @@ from ares_bringup.options import (
     HeatingSource,
     InitialGuess,
     domain_id,
+    refusal,
 )
 from ares_bringup.rehearsal import rehearse
 from ares_bringup.summary import (
@@ -106,7 +107,7 @@ def mission_facts(name: str) -> MissionFacts:
         mission.atmosphere()
     except ValueError as error:
         # an invalid file, or an atmosphere that is not installed
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
     return facts_of(mission)
 
 
@@ -141,7 +142,7 @@ def _margin(dispersions: str) -> float:
     try:
         return load_dispersions(dispersions).heating_margin()
     except ValueError as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
 
 
 def _check_failure(failure: str, mission: str) -> None:

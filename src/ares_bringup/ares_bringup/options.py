@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ares_guidance.law import LawKind
+    from ares_models.mission import Mission
 
 #: Highest seed and highest number of flights, which key the random streams.
 MAX_SEED = 2**63 - 1
@@ -29,6 +30,12 @@ MAX_RESTARTS = 100
 
 class CannotStart(Exception):
     """Report in one line why a request cannot start; "" if a node has printed the reason."""
+
+
+def refusal(error: Exception, mission: "Mission | None" = None) -> CannotStart:
+    """Fold an error into one line, with the names of a mission's arcs and jettisons."""
+    text = " ".join(str(error).split())
+    return CannotStart(mission.with_names(text) if mission else text)
 
 
 def self_starting(guidance: str) -> "LawKind":

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from ares_bringup.options import PEG, CannotStart
+from ares_bringup.options import PEG, CannotStart, refusal
 from ares_bringup.summary import facts_of, judgement
 
 if TYPE_CHECKING:
@@ -73,14 +73,15 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     try:
         rehearsal = _prepare(mission, law, flown)
     except ValueError as error:
-        raise CannotStart(str(error)) from error
+        raise refusal(error, mission) from error
     try:
         end = _fly_ahead(rehearsal, law)
     except ValueError as error:
-        raise CannotStart(f"{error}{_surplus(rehearsal.plan)}") from error
+        said = mission.with_names(str(error))
+        raise CannotStart(f"{said}{_surplus(rehearsal.plan)}") from error
     if not end.mass_kg:
         raise CannotStart(
-            f"guidance is {law!r}, which misses the target when the mission is flown ahead "
+            f"law is {law!r}, which misses the target when the mission is flown ahead "
             f"({end.missed}); {_advice(rehearsal, law)}"
         )
     plan_kg = rehearsal.plan.m_f_kg

@@ -69,7 +69,7 @@ def solve_auto(request: Request) -> Solution:
     beat = fast.m_f_kg * (1.0 + _BETTER) if fast is not None and fast.converged else None
     found = solve_collocation(replace(request, method="collocation"), beat)
     if fast is not None and fast.converged and not found.flyable:
-        steps.append(f"collocation: nothing better from {found.restarts + 1} starts")
+        steps.append(f"collocation: nothing better from {found.restarts + 1} first guesses")
         return replace(fast, steps=tuple(steps))
     steps.append(step("collocation", found))
     if orbits_of(request.arrays, request.state):

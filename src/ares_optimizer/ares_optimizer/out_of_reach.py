@@ -5,10 +5,10 @@ The energy E = v^2/2 - U changes by dE/dt = v . a under a thrust acceleration a.
 is at most its value there, so w = sqrt(2 (E + U_ground)) is at least the speed, and dw/dt <= |a|:
 whatever the steering, w grows by at most the ideal delta-V.
 
-A flight x(t) and a coast y(t) from the same state part by d = x - y with |d|'' <= k^2 |d| + a, where
-k^2 = 2 mu / r^3 bounds the gradient of gravity down to a radius r, so that
-|d| <= a (cosh(k t) - 1) / k^2 (Gronwall's inequality). Where the coast is farther than that below
-the ground, every flight has met the ground.
+A flight x(t) and a coast y(t) from the same state part by d = x - y with |d|'' <= k^2 |d| + a,
+where k^2 = 2 mu / r^3 bounds the gradient of gravity down to a radius r. So |d| is at most
+a (cosh(k t) - 1) / k^2 (Gronwall's inequality). Where the coast is farther than that below the
+ground, every flight has met the ground.
 """
 
 import math
@@ -201,7 +201,9 @@ def strongest(arrays: MissionArrays, state: Record, times: Array) -> Array:
     ahead = _ahead(arrays, state)
     found = np.zeros(len(times))
     for k in np.flatnonzero(ahead.arcs["kind"] == BURN):
-        full = float(ahead.arcs[k]["thrust"]) * max(1.0, float(ahead.arcs[k]["start_fraction"].max()))
+        full = float(ahead.arcs[k]["thrust"]) * max(
+            1.0, float(ahead.arcs[k]["start_fraction"].max())
+        )
         mass = ahead.mass[k] - np.minimum(ahead.propellant[k], ahead.flow[k] * times)
         most = np.full(len(times), math.inf)
         np.divide(full, mass, out=most, where=mass > 0.0)

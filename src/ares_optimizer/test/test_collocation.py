@@ -255,14 +255,14 @@ def test_the_price_of_a_parking_orbit_is_what_another_one_costs() -> None:
 
 @pytest.mark.parametrize("method", ["indirect", "direct11"])
 def test_other_methods_refuse_a_named_parking_orbit(method: str) -> None:
-    with pytest.raises(UnfitMethod, match="arc 2: it names its orbit, which is planned by auto"):
+    with pytest.raises(UnfitMethod, match="expected auto or collocation: arc 2 names its orbit"):
         solve(parked("vulcan_gto", 185e3, 185e3), method)
 
 
 def test_a_flight_off_its_parking_orbit_is_told(solutions: dict[str, Solution]) -> None:
     free = solved(solutions, "vulcan_gto")
     arrays, start = arrays_and_state(parked("vulcan_gto", 185e3, 185e3), None)
-    assert re.match(r"orbit of arc 2: radius_m off by ", below_floor(arrays, start, free))
+    assert re.match(r"orbit of arc 2: radius off by ", below_floor(arrays, start, free))
 
 
 def test_short_coasts_between_the_burns_of_an_ascent_are_tried() -> None:
@@ -309,11 +309,11 @@ def test_a_target_beyond_the_propellant_is_infeasible_and_says_how_much_is_short
     mission = load_mission("falcon9_gto")
     arrays = mission.arrays()
     arcs = arrays.arcs.copy()
-    arcs["propellant"] = 100_000.0
+    arcs["propellant"] = 102_500.0
     found = solve(arrays._replace(arcs=arcs), "auto", state=start_of(mission))
     assert found.status is Status.INFEASIBLE
     # the best flight takes 105,178 - 1,900 kg
-    assert "3,278 kg short" in found.reason
+    assert "778 kg short" in found.reason
 
 
 def test_the_air_ends_at_100_km_on_earth_and_at_the_ground_without_any() -> None:

@@ -314,7 +314,10 @@ class TestThrottledBurns:
         assert solve(flight, "indirect").m_f_kg == pytest.approx(7672.2142685, abs=1e-5)
 
     def test_direct_methods_say_that_they_cannot(self, tmp_path):
-        with pytest.raises(UnfitMethod, match="planned by indirect"):
+        with pytest.raises(
+            UnfitMethod,
+            match="expected auto or collocation or indirect: arc . has max_acceleration",
+        ):
             solve(throttled(tmp_path, "titan2_circular", "40"), "direct11")
 
 

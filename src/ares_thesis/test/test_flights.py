@@ -45,7 +45,9 @@ def test_it_refuses_throttled_burns(tmp_path):
 def test_it_refuses_free_arcs():
     arrays = load_mission("geostationary_burn").arrays(foreseen=True)
     assert np.isinf(arrays.arcs["duration"][0])
-    with pytest.raises(ValueError, match="law peg_thesis flies missions of which only the last"):
+    with pytest.raises(
+        ValueError, match="expected peg, igm or optimal, which fly arcs before the last"
+    ):
         make_law("peg_thesis", arrays)
 
 

@@ -272,15 +272,20 @@ class Search:
             violation, name = min(self._violations)
             return Cause(
                 Status.INFEASIBLE,
-                f"no flight to the target exists near any of {self.starts} starts: the least "
-                f"violation is {violation:.2g}, of {name}",
+                f"no flight to the target found from {self._first_guesses()}: what fails most is "
+                f"the {name}, by {violation:.2g} of its scale",
             )
         if not self.starts:
             return Cause(
                 Status.ILLEGAL_START,
-                "no flight can be laid out: the last burn does not begin, or too many events",
+                "no flight can be computed: the last burn does not begin, or too many events",
             )
-        return Cause(Status.STALLED, f"no flight to the target found from {self.starts} starts")
+        return Cause(
+            Status.STALLED, f"no flight to the target found from {self._first_guesses()}"
+        )
+
+    def _first_guesses(self) -> str:
+        return f"{self.starts} first guess{'es' * (self.starts != 1)}"
 
 
 def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
