@@ -93,6 +93,14 @@ def test_burns_of_fixed_length_that_give_too_much_are_told(tmp_path):
         rehearse({"mission": str(path), "law": "peg"})
 
 
+def test_a_law_that_starts_from_the_optimizer_is_checked_before_it_is_asked():
+    refused = (
+        r"^law is 'peg_thesis'; expected peg, .* with max_acceleration_m_s2, as arc \d \(.+\)$"
+    )
+    with pytest.raises(CannotStart, match=refused):
+        rehearse({"mission": "space_shuttle_sts121", "law": "peg_thesis"})
+
+
 @pytest.mark.trial
 def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
     bag = tmp_path / "bag"

@@ -38,7 +38,7 @@ def test_it_refuses_throttled_burns(tmp_path):
     at = text.index("thrust_n", text.index("- name: core"))
     path = tmp_path / "mission.yaml"
     path.write_text(f"{text[:at]}max_acceleration_m_s2: 30.0\n    {text[at:]}")
-    with pytest.raises(ValueError, match="has a throttled burn; law peg_thesis flies none"):
+    with pytest.raises(ValueError, match="which fly burns with max_acceleration_m_s2, as arc 0"):
         make_law("peg_thesis", load_mission(path).arrays(foreseen=True))
 
 

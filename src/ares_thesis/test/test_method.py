@@ -42,9 +42,9 @@ def test_a_target_underground_is_infeasible():
     [
         (
             "titan2_coast",
-            "method is analytic; expected auto or collocation or indirect: arc 0 is free",
+            "method is analytic; expected auto or collocation or indirect: arc . is free",
         ),
-        ("solid_middle", "arc 2: its attitude is held, .* by auto or"),
+        ("solid_middle", "arc 2 has attitude: held"),
         (
             "limited_acceleration",
             "method is analytic; expected auto or collocation or indirect: arc ",

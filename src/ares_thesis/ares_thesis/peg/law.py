@@ -86,14 +86,14 @@ class ThesisPeg(Law):
             )
         if coasts_long(arrays.arcs):
             raise ValueError(
-                f"the mission coasts for more than {LONG_COAST_S:g} s between burns; law "
-                "peg_thesis flies no such coast: expected peg, igm or optimal, which fly a plan"
+                "law is 'peg_thesis'; expected peg, igm or optimal, which fly coasts of more than "
+                f"{LONG_COAST_S:g} s between burns"
             )
-        if np.any(np.isfinite(arrays.arcs["max_acceleration"][arrays.arcs["kind"] == BURN])):
-            arc = int(np.argmax(np.isfinite(arrays.arcs["max_acceleration"])))
+        throttled = (arrays.arcs["kind"] == BURN) & np.isfinite(arrays.arcs["max_acceleration"])
+        if throttled.any():
             raise ValueError(
                 "law is 'peg_thesis'; expected peg, igm or optimal, which fly burns with "
-                f"max_acceleration_m_s2, as arc {arc}"
+                f"max_acceleration_m_s2, as arc {int(np.argmax(throttled))}"
             )
         stages = int(arrays.arcs["stage"][-1]) + 1
         jettisons = arrays.jettisons
