@@ -175,7 +175,9 @@ class Search:
         if self.best is not None or self._start_m > _BELOW_START_M:
             return []
         known = {floor.arc for floor in self.floors}
-        return [k for k in range(int(self.start["arc"][0]), len(self.arrays.arcs)) if k not in known]
+        return [
+            k for k in range(int(self.start["arc"][0]), len(self.arrays.arcs)) if k not in known
+        ]
 
     def _underground(self, found: Found) -> list[int]:
         """Return the arcs without a floor that a flight flies below the ground."""
@@ -280,9 +282,7 @@ class Search:
                 Status.ILLEGAL_START,
                 "no flight can be computed: the last burn does not begin, or too many events",
             )
-        return Cause(
-            Status.STALLED, f"no flight to the target found from {self._first_guesses()}"
-        )
+        return Cause(Status.STALLED, f"no flight to the target found from {self._first_guesses()}")
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
