@@ -78,6 +78,7 @@ SHARED = {
 JOINS = {
     "auto",
     "floor_check",
+    "out_of_reach",
     "payload",
     "foreknown",
     "rival",
