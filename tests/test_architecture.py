@@ -73,7 +73,7 @@ ROOMS = {
 }
 SHARED = {
     *("deadline", "floors", "methods", "obstacles", "pieces", "plan", "registry", "request"),
-    *("sensitivities", "solution", "targets"),
+    *("results", "sensitivities", "solution", "targets"),
 }
 JOINS = {
     "auto",
