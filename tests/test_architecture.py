@@ -73,11 +73,12 @@ ROOMS = {
 }
 SHARED = {
     *("deadline", "floors", "methods", "obstacles", "pieces", "plan", "registry", "request"),
-    *("sensitivities", "solution", "targets"),
+    *("results", "sensitivities", "solution", "targets"),
 }
 JOINS = {
     "auto",
     "floor_check",
+    "out_of_reach",
     "payload",
     "foreknown",
     "rival",

@@ -92,7 +92,7 @@ def test_a_law_that_does_not_arrive_is_refused_before_the_first_flight(ares, tmp
     done = ares("montecarlo", "-n", "10", *words, "--json", "--out", str(out))
     assert (done.returncode, done.stdout) == (2, "")
     assert re.fullmatch(
-        r"ares: guidance is 'peg', which misses the target when the mission is flown ahead "
+        r"ares: law is 'peg', which misses the target when the mission is flown ahead "
         r"\(.*\); try law optimal\n",
         done.stderr,
     )

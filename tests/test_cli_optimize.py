@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ares_bringup.commands.cli import main
-from ares_bringup.commands.optimize import proof_facts, with_names
+from ares_bringup.commands.optimize import proof_facts
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 
@@ -79,7 +79,7 @@ def test_a_mission_that_cannot_be_flown_is_exit_4_with_a_reason(capsys, tmp_path
         (["--method", "magic"], "'magic'; expected one of auto"),
         (["--hold-jettison", "fairing=1"], "the name one of 'payload fairing'"),
         (["--hold-jettison", "payload fairing=soon"], "expected a number of seconds"),
-        (["--mission", str(HELD), "--method", "jump"], "arc 2: its attitude is held"),
+        (["--mission", str(HELD), "--method", "jump"], ") has attitude: held"),
         (["--mission", str(HELD), "--method", "analytic"], "ares: "),
     ],
 )
@@ -94,7 +94,7 @@ def test_bad_input_is_one_line_and_status_2(capsys, argv, words):
 def test_arcs_and_jettisons_have_their_names_beside_their_numbers():
     mission = load_mission("falcon9_gto")
     text = "length of arc 1, s; arc 2: in arc 22; heating at jettison 0; jettison 1"
-    assert with_names(text, mission) == (
+    assert mission.with_names(text) == (
         "length of arc 1 (first burn), s; arc 2 (coast): in arc 22; heating at jettison 0 "
         "(fairing); jettison 1"
     )

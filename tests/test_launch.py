@@ -207,9 +207,9 @@ def test_the_simulator_owns_the_clock(description):
         (
             {"mission": str(ROOT / "benchmarks" / "launchers" / "ariane5eca_jwst.yaml")},
             (
-                "law peg needs a plan of the end on the target's orbit, the optimizer has none: "
-                "arc 2, a burn, goes through the ground, 4,252 m deep; try another method of "
-                "`ares optimize`, other bounds of these arcs or fixed ones"
+                "law peg flies by a plan of what is free, the place on the target's orbit, and "
+                "there is none: arc 2 (burn), a burn, goes through the ground, 4,252 m deep; `ares "
+                "optimize --method` or other bounds (min_s, max_s) may find one"
             ),
         ),
     ],

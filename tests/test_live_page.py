@@ -413,7 +413,11 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
         page.locator("[data-pace='50']").click()
         page.wait_for_function("() => live.about.pace === 50")
         page.locator(".play").click()
-        wait_for_state(page, "Flight over: the last event is flight complete")
+        wait_for_state(page, "Flight over: Flown to the target")
+        assert page.locator("#exit").inner_text() == (
+            "Exit status 0, flown to the target, as far as the bag tells."
+        )
+        assert page.locator("#missed").is_hidden()
         assert seen_time(page) == pytest.approx(767.5, abs=1.0)
         # nothing was published before the page could hear it
         assert page.evaluate("live.states.column('time_s')[0]") == pytest.approx(155.9)

@@ -5,9 +5,11 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ares_bringup.commands.cli import main
+from ares_studies.flight_page.optimum import _passed
 from ares_trials.testing.pages import illegible
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
@@ -91,6 +93,28 @@ def test_a_flight_lies_over_it_with_the_differences(beside):
 def test_it_can_be_read(open_file, request, which, size, theme):
     page = open_file(request.getfixturevalue(which), size, theme)
     assert not illegible(page, size)
+
+
+def test_an_event_with_several_rows_is_passed_once():
+    # an event of the program and one of its timetable, a rounding apart
+    time = np.array([0.0, 1.0, 1.0, 1.0 + 1e-14, 1.0 + 1e-14, 2.0])
+    expected = [False, False, True, True, True, True]
+    assert _passed(time, [1.0])[:, 0].tolist() == expected
+    assert _passed(np.array([0.0, 1.0]), [1.0])[:, 0].tolist() == [False, False]
+    assert _passed(np.array([0.0, 1.0, 2.0]), [1.0])[:, 0].tolist() == [False, True, True]
+
+
+def test_the_words_of_marks_that_lie_close_are_all_there_and_apart(open_file, tmp_path):
+    out = tmp_path / "falcon.html"
+    assert main(["optimize", "--json", "--mission", "falcon9_gto", "--out", str(out)]) == 0
+    words = [guide["text"] for guide in figure(out, "Altitude")["instants"]]
+    # 300 s of 1,500 s lie between two of them
+    assert words == ["", "ignition, jettison", "coast", "", "ignition, cut-off"]
+    for size in ("wide", "narrow"):
+        page = open_file(out, size, "light")
+        assert not illegible(page, size)
+        shown = page.locator(".plot").first.locator(".annotation-text").all_text_contents()
+        assert shown == [word for word in words if word]
 
 
 @pytest.mark.parametrize(

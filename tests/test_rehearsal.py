@@ -58,8 +58,8 @@ def test_a_loss_is_told_before_anything_starts():
 def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
     flown = parameters("soyuz_molniya", "peg") | {"max_iterations": 1}
     said = (
-        r"guidance is 'peg', which misses the target when the mission is flown ahead \("
-        r".*; apogee_radius_m off by -3\.87e\+07, allowed 775\); try law optimal"
+        r"law is 'peg', which misses the target when the mission is flown ahead \("
+        r".*; apogee radius off by -3\.87e\+07 m, allowed 775 m\); try law optimal"
     )
     with pytest.raises(CannotStart, match=f"^{said}$"):
         rehearse(flown)
@@ -68,13 +68,19 @@ def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
 @pytest.mark.parametrize("law", ["peg", "igm"])
 def test_the_shipped_mission_that_one_law_alone_flies(law):
     """Check the statement in docs/missions.md."""
-    refused = rf"^guidance is '{law}', which misses .* off by .*; try law optimal$"
+    refused = rf"^law is '{law}', which misses .* off by .*; try law optimal$"
     with pytest.raises(CannotStart, match=refused):
         rehearse({"mission": "delta_iii_coast", "law": law})
 
 
+SAID_BY_THE_THESIS = (
+    r"^law is 'peg_thesis'; expected peg, igm or optimal, which fly arcs before the last that are "
+    r"free, as arc 1 \(.+\) and arc 2 \(.+\)$"
+)
+
+
 def test_a_law_that_flies_no_plan_says_so():
-    with pytest.raises(CannotStart, match=r"^the mission leaves arcs 1, 2 free; law peg_thesis "):
+    with pytest.raises(CannotStart, match=SAID_BY_THE_THESIS):
         rehearse({"mission": "falcon9_gto", "law": "peg_thesis"})
 
 
@@ -87,6 +93,14 @@ def test_burns_of_fixed_length_that_give_too_much_are_told(tmp_path):
         rehearse({"mission": str(path), "law": "peg"})
 
 
+def test_a_law_that_starts_from_the_optimizer_is_checked_before_it_is_asked():
+    refused = (
+        r"^law is 'peg_thesis'; expected peg, .* with max_acceleration_m_s2, as arc \d \(.+\)$"
+    )
+    with pytest.raises(CannotStart, match=refused):
+        rehearse({"mission": "space_shuttle_sts121", "law": "peg_thesis"})
+
+
 @pytest.mark.trial
 def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
     bag = tmp_path / "bag"
@@ -95,7 +109,7 @@ def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
     assert done.returncode == 2
     assert done.stdout == ""
     assert re.fullmatch(
-        r"ares: guidance is 'optimal', which misses the target when the mission is flown ahead \("
+        r"ares: law is 'optimal', which misses the target when the mission is flown ahead \("
         r"(.* off by .*, allowed .*)+\); no other law reaches it\n",
         done.stderr,
     )

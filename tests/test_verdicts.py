@@ -181,7 +181,7 @@ CAUSES = {
     "no such domain": refused("domain", alike=False, domain_id="400"),
     "propellant short": Cause(
         1,
-        ("target missed: speed_m_s off by -",),
+        ("target missed: speed off by -",),
         mission=short_burn(**{"stages.0.propellant_kg": 450.0}),
         alike=True,
     ),
@@ -209,20 +209,24 @@ CAUSES = {
     ),
     "a target out of reach": Cause(
         2,
-        ("expected one that finds a way from the mission's start to its target",),
+        ("finds no way from the start of the mission to its target",),
         mission=short_burn(**{"target.radius_m": 7.4e6}),
         bag=False,
         alike=True,
     ),
     "no plan": Cause(
         2,
-        ("law peg needs a plan of the free arcs 0, 1, the optimizer has none: ", "ares optimize"),
+        (
+            "law peg flies by a plan of what is free, arc 0 (",
+            "and there is none: ",
+            "`ares optimize --method`",
+        ),
         mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
         bag=False,
     ),
     "no plan for a paced flight": Cause(
         2,
-        ("law optimal needs a plan of the free arcs 0, 1, the optimizer has none: ",),
+        ("law optimal flies by a plan of what is free, arc 0 (",),
         {"guidance": "optimal", "pace": "1"},
         mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
         ways=PROCESSES,
@@ -231,7 +235,7 @@ CAUSES = {
     ),
     "a law that flies no plan": Cause(
         2,
-        ("flies missions of which only the last arc is free: expected peg, igm or optimal",),
+        ("law is 'peg_thesis'; expected peg, igm or optimal, which fly arcs before the last",),
         {"guidance": "peg_thesis"},
         mission=two_burns(),
         bag=False,
@@ -239,7 +243,7 @@ CAUSES = {
     ),
     "a missed target": Cause(
         1,
-        ("target missed: flight_path_angle_deg off by ",),
+        ("target missed: flight-path angle off by ",),
         # a climb that takes all there is, and more
         mission=short_burn(119.4, **{"target.flight_path_angle_deg": 1.0}),
         alike=True,

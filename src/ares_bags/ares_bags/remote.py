@@ -6,20 +6,24 @@
 
 import math
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_bags.playback import Playback
-from ares_node.diagnostics import PACE, PAUSED, Timing, pace_message
+from ares_node.diagnostics import PACE, PAUSED, Timing, pace_message, timing
 from ares_node.qos import DIAGNOSTIC
 
 #: Wall time in s between reports of the pace.
 WORD_PERIOD = 0.25
+#: Timeout for a reader of facts to appear, and for their delivery to it, wall time, s.
+TELL_TIMEOUT = 0.5
 
 
 def _check(parameters: list[Parameter]) -> SetParametersResult:
@@ -32,7 +36,9 @@ def _check(parameters: list[Parameter]) -> SetParametersResult:
 
 
 @contextmanager
-def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterator[None]:
+def remote(
+    node: Node, playback: Playback, topic: str, flight_id: int
+) -> Iterator[Callable[[Mapping[str, object]], None]]:
     """Serve the parameters in a thread, and publish the pace periodically.
 
     Args:
@@ -40,6 +46,9 @@ def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterat
         playback: controlled by the parameters.
         topic: topic of the reports: TIMING, in the namespace of the flight.
         flight_id: identity of the replayed flight.
+
+    Yields:
+        a function that publishes facts of the flight on the same topic.
     """
     node.declare_parameter(PACE, playback.rate)
     node.declare_parameter(PAUSED, playback.paused)
@@ -54,6 +63,13 @@ def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterat
 
     def say() -> None:
         out.publish(pace_message(node, flight_id, playback.rate, playback.paused))
+
+    def tell(facts: Mapping[str, object]) -> None:
+        deadline = time.monotonic() + TELL_TIMEOUT
+        while not out.get_subscription_count() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        out.publish(timing(node, flight_id, facts))
+        out.wait_for_all_acked(Duration(seconds=TELL_TIMEOUT))
 
     out = node.create_publisher(Timing, topic, DIAGNOSTIC)
     node.add_on_set_parameters_callback(_check)
@@ -71,7 +87,7 @@ def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterat
     thread = threading.Thread(target=spin, name="remote", daemon=True)
     thread.start()
     try:
-        yield
+        yield tell
     finally:
         executor.shutdown()
         thread.join()

@@ -9,12 +9,12 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 
 import rclpy
 from rclpy.context import Context
@@ -159,6 +159,7 @@ def replay(
     namespace: str = "",
     wait_for_readers_s: float = 1.0,
     expected: Collection[str] = (),
+    facts: Mapping[str, object] = MappingProxyType({}),
     stopped: Callable[[], bool] = lambda: False,
 ) -> Replay:
     """Publish a bag's messages in order of flight time, with /clock.
@@ -176,6 +177,7 @@ def replay(
             messages published before a reader is discovered do not reach it.
         expected: ends of topic names whose readers are expected: wait for these up to
             EXPECTED_READERS_S.
+        facts: published on the topic TIMING after the last message of the bag.
         stopped: polled between messages; True ends the replay.
 
     Raises:
@@ -206,8 +208,8 @@ def replay(
         _wait_for_readers(awaited, EXPECTED_READERS_S, stopped)
         _wait_for_readers(publishers.values(), wait_for_readers_s, stopped)
         run = _Run(bag, extract, publishers, clock, playback, stopped)
-        with remote(node, playback, _timing_topic(full_names), _flight_of(bag)):
-            return run.publish()
+        with remote(node, playback, _timing_topic(full_names), _flight_of(bag)) as tell:
+            return run.publish(lambda: tell(facts) if facts else None)
     finally:
         node.destroy_node()
 
@@ -273,13 +275,21 @@ class _Run:
         self._since_acknowledged = 0
         self._result = Replay(counts={each.topic_name: 0 for each in publishers.values()})
 
-    def publish(self) -> Replay:
-        """Publish until the end, or until stopped."""
+    def publish(self, at_the_end: Callable[[], None]) -> Replay:
+        """Publish until the end, or until stopped.
+
+        Args:
+            at_the_end: called after each pass that reaches the last message of the bag.
+        """
         result = self._result
         begin = time.monotonic()
         start = self._extract.start_ns
         while not self._stopped():
             if self._once(start):
+                self._catch_up()
+                end_ns = self._extract.end_ns
+                if end_ns is None or end_ns >= self._bag.end_ns:
+                    at_the_end()
                 if not self._extract.loop:
                     break
                 result.loops += 1
@@ -345,6 +355,7 @@ def run_replay(
     extract: Extract | None = None,
     namespace: str = "",
     expected: Collection[str] = (),
+    facts: Mapping[str, object] = MappingProxyType({}),
     then: Callable[[], None] = lambda: None,
 ) -> int:
     """Replay a bag from the command line, until its end, a key, SIGINT or SIGTERM.
@@ -357,6 +368,7 @@ def run_replay(
         extract: see `replay`.
         namespace: see `replay`.
         expected: see `replay`.
+        facts: see `replay`.
         then: called after a complete replay and its summary.
 
     Returns:
@@ -384,6 +396,7 @@ def run_replay(
                     extract=extract,
                     namespace=namespace,
                     expected=expected,
+                    facts=facts,
                     stopped=lambda: stopped() or ended(),
                 )
     except (BagError, SecurityError, ValueError) as error:

@@ -29,7 +29,8 @@ from ares_bags.replay import Extract, replay
 from ares_bags.schema import Topic
 from ares_bags.writer import BagWriter
 from ares_msgs.msg import FlightEvent, NavState
-from ares_node.qos import FLIGHT
+from ares_node.diagnostics import Timing
+from ares_node.qos import DIAGNOSTIC, FLIGHT
 from ares_node.time import ns_from_stamp
 from ares_trials.testing.bags import EVENT, NAV, PERIOD_NS, START_NS, messages, topics, write_bag
 from ares_trials.testing.ros import own_words, ros_context_on, spin_until
@@ -224,6 +225,45 @@ def test_pace_namespace_and_topics(
     begin = clock.now - result.wall_s
     paced = sorted({round(moment - begin, 6) for moment in due if moment > begin - 1e-6})
     assert paced == pytest.approx([0.01 * number for number in range(COUNT)])
+
+
+@pytest.mark.parametrize(("end_s", "told"), [(None, ["well"]), (157.0, [])])
+def test_facts_of_the_end_come_after_the_end_alone(
+    executor: Executor,
+    listener: Node,
+    ros_domain: int,
+    tmp_path: Path,
+    end_s: float | None,
+    told: list[str],
+) -> None:
+    """Publish facts behind the last message, of a replay that comes to it."""
+    heard: list[tuple[str, str]] = []
+    listener.create_subscription(NavState, NAV, lambda _: heard.append(("state", "")), FLIGHT)
+    listener.create_subscription(
+        Timing,
+        "/timing",
+        lambda m: heard.extend(("fact", item.value) for item in m.values if item.key == "end"),
+        DIAGNOSTIC,
+    )
+    bag = open_bag(write_bag(tmp_path / "flight", COUNT))
+    with ros_context_on(ros_domain) as context:
+        result = in_background(
+            executor,
+            lambda: replay(
+                bag,
+                context,
+                playback=Playback(0.0),
+                extract=Extract(["nav_state"], end_s=end_s),
+                wait_for_readers_s=240.0,
+                facts={"end": "well"},
+            ),
+            lambda: sum(kind == "state" for kind, _ in heard) >= (12 if end_s else COUNT),
+        )
+        assert result.complete
+        assert spin_until(executor, lambda: sum(k == "fact" for k, _ in heard) >= len(told), 60.0)
+    assert [value for kind, value in heard if kind == "fact"] == told
+    if told:
+        assert heard[-1][0] == "fact"
 
 
 def test_it_can_be_stopped(ros_context: Context, tmp_path: Path) -> None:

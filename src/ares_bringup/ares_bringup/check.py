@@ -20,7 +20,7 @@ from ares_bags.reader import Bag, open_bag
 from ares_bags.types import check_installed
 from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY
 from ares_bringup.flown_mission import MISSION_DIGEST, FlownMission, flown_mission, told_of
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, refusal
 from ares_guidance.laws import find_law
 from ares_guidance.messages import ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.node import PARAMETERS
@@ -315,7 +315,7 @@ def _fly(
     try:
         answers = Answers(mission, values)
     except ValueError as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
     states = recorded.states[turn.begin : turn.end]
     heard = {
         stamp

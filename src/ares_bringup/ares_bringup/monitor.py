@@ -59,6 +59,17 @@ MAX_SAID = 20
 MAX_EVENTS = 1000
 
 
+def verdict_facts(summary: FlightSummary) -> dict[str, object]:
+    """Return the facts on a flight's end for the live page."""
+    shortcomings = summary.shortcomings()
+    return {
+        VERDICT: summary.verdict,
+        GOOD: not shortcomings,
+        SHORTCOMINGS: "\n".join(map(folded, shortcomings)),
+        EXIT_STATUS: f"{summary.exit_code}, {EXIT_MEANINGS[summary.exit_code]}",
+    }
+
+
 class FlightMonitor:
     """Collect the inputs of the flight's summary; subscribe to nothing at the full rate.
 
@@ -122,15 +133,8 @@ class FlightMonitor:
 
     def say_verdict(self) -> None:
         """Send the verdict to the live page."""
-        summary = self.summary
-        shortcomings = summary.shortcomings()
-        words = {
-            VERDICT: summary.verdict,
-            GOOD: not shortcomings,
-            SHORTCOMINGS: "\n".join(map(folded, shortcomings)),
-            EXIT_STATUS: f"{summary.exit_code}, {EXIT_MEANINGS[summary.exit_code]}",
-        }
-        self._timing_out.publish(timing(self.node, summary.flight_id, words))
+        words = verdict_facts(self.summary)
+        self._timing_out.publish(timing(self.node, self.summary.flight_id, words))
         self._timing_out.wait_for_all_acked(Duration(seconds=VERDICT_TIMEOUT))
 
     def guidance_ended(self) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ares_guidance.law import LawKind
+    from ares_models.mission import Mission
 
 #: Highest seed and highest number of flights, which key the random streams.
 MAX_SEED = 2**63 - 1
@@ -32,13 +33,19 @@ class CannotStart(Exception):
     """Report in one line why a request cannot start; "" if a node has printed the reason."""
 
 
+def refusal(error: Exception, mission: "Mission | None" = None) -> CannotStart:
+    """Fold an error into one line, with the names of a mission's arcs and jettisons."""
+    text = " ".join(str(error).split())
+    return CannotStart(mission.with_names(text) if mission else text)
+
+
 @contextmanager
 def refusals() -> Iterator[None]:
     """Convert errors of values that were given to CannotStart, in one line."""
     try:
         yield
     except ValueError as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
 
 
 def self_starting(guidance: str) -> "LawKind":

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from ares_bringup.options import PEG, CannotStart
+from ares_bringup.options import PEG, CannotStart, refusal
 from ares_bringup.summary import facts_of, judgement
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class _End:
 
 
 def rehearse(flown: Mapping[str, Any]) -> str:
-    """Fly a mission that needs a plan ahead, without dispersions.
+    """Check that a law can fly a mission; fly it ahead, without dispersions, if it needs a plan.
 
     Args:
         flown: parameters of guidance and simulator by name, as far as given.
@@ -67,20 +67,22 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     from ares_models.mission import load_mission
 
     mission = load_mission(str(flown.get("mission", "ares_v")))
-    if not mission.needs_plan:
-        return ""
     law = str(flown.get("law", PEG))
+    if not mission.needs_plan:
+        _check_law(mission, law)
+        return ""
     try:
         rehearsal = _prepare(mission, law, flown)
     except ValueError as error:
-        raise CannotStart(str(error)) from error
+        raise refusal(error, mission) from error
     try:
         end = _fly_ahead(rehearsal, law)
     except ValueError as error:
-        raise CannotStart(f"{error}{_surplus(rehearsal.plan)}") from error
+        said = mission.with_names(str(error))
+        raise CannotStart(f"{said}{_surplus(rehearsal.plan)}") from error
     if not end.mass_kg:
         raise CannotStart(
-            f"guidance is {law!r}, which misses the target when the mission is flown ahead "
+            f"law is {law!r}, which misses the target when the mission is flown ahead "
             f"({end.missed}); {_advice(rehearsal, law)}"
         )
     plan_kg = rehearsal.plan.m_f_kg
@@ -91,6 +93,24 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         f"law {law} is expected to end with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
         f"the plan's {plan_kg:,.1f} kg"
     )
+
+
+def _check_law(mission: "Mission", law: str) -> None:
+    """Refuse a mission that a law cannot fly before the optimizer is asked for its start.
+
+    Raises:
+        CannotStart: the law cannot fly it; one line.
+    """
+    from ares_bringup.fly import needs_trajectory
+
+    if not needs_trajectory(law):
+        return
+    from ares_guidance.laws import make_law
+
+    try:
+        make_law(law, mission.arrays(foreseen=True))
+    except ValueError as error:
+        raise refusal(error, mission) from error
 
 
 def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehearsal:

@@ -49,7 +49,7 @@ def test_a_flight_that_never_began(facts):
 
 
 def test_shortcomings_are_printed(facts):
-    assert "target missed: radius_m off by 200" in printed(good_flight(facts, radius=6.6e6 + 200.0))
+    assert "target missed: radius off by 200 m" in printed(good_flight(facts, radius=6.6e6 + 200.0))
     assert "met the ground" in printed(flown(facts, made_up_event(9, 300.0)))
 
 

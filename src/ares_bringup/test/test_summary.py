@@ -107,7 +107,7 @@ def test_a_missed_target_is_named(facts):
     summary = good_flight(facts, speed=7701.0)
     assert summary.outcome is Outcome.TARGET_MISSED
     assert summary.exit_code == 1
-    assert summary.shortcomings()[0] == "target missed: speed_m_s off by 1, allowed 0.1"
+    assert summary.shortcomings()[0] == "target missed: speed off by 1 m/s, allowed 0.1 m/s"
 
 
 def test_a_fairing_still_aboard_is_a_shortcoming(facts):
@@ -311,7 +311,7 @@ def test_a_target_by_elements_is_judged_by_what_it_names():
     assert transfer(apogee=42_164_140.0 + 5e3).outcome is Outcome.TARGET
     high = transfer(apogee=42_164_140.0 + 2e4)
     assert high.outcome is Outcome.TARGET_MISSED
-    assert high.misses() == [text for text in high.misses() if text.startswith("apogee_radius_m")]
+    assert high.misses() == [text for text in high.misses() if text.startswith("apogee radius ")]
     assert transfer(perigee=6_564_140.0).outcome is Outcome.TARGET_MISSED
     assert transfer(argument=130.6).outcome is Outcome.TARGET_MISSED
     told = summary.to_json()["insertion_error"]

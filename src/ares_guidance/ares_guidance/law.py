@@ -275,16 +275,16 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
 
 
 def name_free_arcs(arrays: MissionArrays) -> str:
-    """Name the free arcs before the last, such as "arcs 1, 2"."""
+    """Name the free arcs before the last, such as "arc 1 and arc 2"."""
     free = np.flatnonzero(np.isinf(arrays.arcs["duration"][:-1]))
-    return f"arc{'s' * (len(free) > 1)} " + ", ".join(str(k) for k in free)
+    return " and ".join(f"arc {k}" for k in free)
 
 
 def name_what_is_free(arrays: MissionArrays) -> str:
     """Name the quantities that a plan fixes: free arcs, the place on the target orbit."""
-    parts = [f"the free {name_free_arcs(arrays)}"] * leaves_arcs_free(arrays.arcs)
+    parts = [name_free_arcs(arrays)] * leaves_arcs_free(arrays.arcs)
     parts += ["the burn before a long coast"] * coasts_long(arrays.arcs)
-    parts += ["the end on the target's orbit"] * leaves_end_free(arrays.target[0])
+    parts += ["the place on the target's orbit"] * leaves_end_free(arrays.target[0])
     return " and ".join(parts)
 
 
@@ -297,8 +297,8 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
         reason: given by the optimizer.
     """
     return (
-        f"law {law} needs a plan of {name_what_is_free(arrays)}, the optimizer has none: "
-        f"{reason}; try another method of `ares optimize`, other bounds of these arcs or fixed ones"
+        f"law {law} flies by a plan of what is free, {name_what_is_free(arrays)}, and there is "
+        f"none: {reason}; `ares optimize --method` or other bounds (min_s, max_s) may find one"
     )
 
 
@@ -354,8 +354,8 @@ class Law:
             )
         if np.any(arcs["held"]) and not kind.holds_attitude:
             raise ValueError(
-                f"law is {kind.name!r}, which flies no burn in held attitude; arc "
-                f"{int(np.argmax(arcs['held']))} of the mission is one"
+                f"law is {kind.name!r}; expected {PEG.name}, which flies burns with attitude: "
+                f"held, as arc {int(np.argmax(arcs['held']))} is"
             )
         self._arrays = arrays
         self.kind = kind
@@ -389,8 +389,8 @@ class Law:
         """
         if self.lacks_plan:
             raise ValueError(
-                f"law is {self.kind.name!r}, which needs a plan for "
-                f"{name_what_is_free(self._arrays)} of the mission; use --initial-guess optimizer"
+                f"law is {self.kind.name!r}, which needs a plan of what is free, "
+                f"{name_what_is_free(self._arrays)}; use --initial-guess optimizer"
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:

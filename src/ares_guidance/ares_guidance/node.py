@@ -43,7 +43,7 @@ from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, is_worth_reporting, timing
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, OPEN, Membership, Role, State
-from ares_node.node import FlightNode
+from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
     DIAGNOSTIC,
@@ -169,19 +169,20 @@ class GuidanceNode(FlightNode):
         """Read the mission, compile the law, create the endpoints."""
         values = self.values
         mission = load_mission(values["mission"])
-        self._names = mission.arc_names, mission.jettison_names
-        self._areas = mission.area_names
-        self._mission_name = mission.name
+        self._mission = mission
         with ExitStack() as failed:
             self._membership = Membership(self, Role.GUIDANCE, mission.name, values["flight_id"])
             failed.callback(self._membership.close)
             flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
-            self._answers = answers = Answers(mission, flown)
-            self._law = answers.law
-            self._membership.announce_settings(answers.settings())
-            # compile before the simulator waits for an answer
-            prepare = rehearse if self._law.lacks_plan else check_law
-            prepare(values["law"], answers.arrays, mission.start().navigation())
+            try:
+                self._answers = answers = Answers(mission, flown)
+                self._law = answers.law
+                self._membership.announce_settings(answers.settings())
+                # compile before the simulator waits for an answer
+                prepare = rehearse if self._law.lacks_plan else check_law
+                prepare(values["law"], answers.arrays, mission.start().navigation())
+            except ValueError as error:
+                raise NodeError(mission.with_names(str(error))) from error
             failed.pop_all()
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
@@ -287,10 +288,10 @@ class GuidanceNode(FlightNode):
             self._last = None
             self._statuses = 0
             self._forget()
-        if simulator.mission not in ("", self._mission_name):
+        if simulator.mission not in ("", self._mission.name):
             self._warn_once(
                 f"flight {id_text(mine.flight_id)} flies mission {simulator.mission}, this "
-                f"guidance is for {self._mission_name}: it has no part in it",
+                f"guidance is for {self._mission.name}: it has no part in it",
             )
         elif simulator.guidance_id == mine.member_id:
             # another node may have announced the end in this member's or the simulator's name
@@ -411,6 +412,7 @@ class GuidanceNode(FlightNode):
 
     def _refuse(self, text: str, now: int) -> None:
         """Refuse the flight before ignition, with the reason."""
+        text = self._mission.with_names(text)
         self._guess = None
         self._looked_since = None
         self.diagnostics.report(Level.ERROR, text, now)
@@ -567,13 +569,15 @@ class GuidanceNode(FlightNode):
         found = state["found"]
         if int(found["count"]) != self._findings:
             self._findings = int(found["count"])
-            text = describe(found, *self._names)
+            text = describe(found, self._mission.arc_names, self._mission.jettison_names)
             self.diagnostics.report(Level.WARN, text, now, {"ratio": float(found["ratio"])})
         safe = aims_at_safe_orbit(state)
         if safe and not self._reported_safe:
             self.diagnostics.report(Level.WARN, SAFE_ORBIT, now)
         self._reported_safe = safe
         mode = int(state["avoid"]["mode"])
-        if mode != self._avoiding and (text := describe_avoiding(state["avoid"], self._areas)):
+        if mode != self._avoiding and (
+            text := describe_avoiding(state["avoid"], self._mission.area_names)
+        ):
             self.diagnostics.report(Level.WARN, text, now)
         self._avoiding = mode

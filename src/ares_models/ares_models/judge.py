@@ -65,11 +65,25 @@ class JudgedQuantity(NamedTuple):
         """Return the unit as the suffix of a name."""
         return _SUFFIXES[self.unit]
 
+    @property
+    def label(self) -> str:
+        """Return the name in words."""
+        return _LABELS.get(self.name) or self.name.replace("_", " ")
+
+    def in_words(self, value: float) -> str:
+        """Format a value in the figure's unit, with three figures and the unit."""
+        return f"{value:,.3g}" + (f" {self.unit}" if self.unit != "1" else "")
+
     def in_unit(self, value: float) -> float:
         """Convert a value from SI and rad to the figure's unit."""
         return math.degrees(value) if self.unit == "deg" else float(value)
 
 
+_LABELS = {
+    "flight_path_angle": "flight-path angle",
+    "semi_major_axis": "semi-major axis",
+    "c3": "C3",
+}
 _SUFFIXES = {"m": "_m", "m/s": "_m_s", "deg": "_deg", "1": "", "m2/s2": "_m2_s2"}
 FIGURES = (
     JudgedQuantity("radius", layout.NAMES_RADIUS, "m"),
@@ -117,9 +131,11 @@ class Judgement:
     def misses(self) -> list[str]:
         """Return one text for each error beyond its tolerance."""
         return [
-            f"{key} off by {error:.3g}, allowed {self.allowed[key]:.3g}"
-            for key, error in self.errors.items()
-            if not abs(error) <= self.allowed[key]
+            f"{figure.label} off by {figure.in_words(self.errors[figure.key])}, "
+            f"allowed {figure.in_words(self.allowed[figure.key])}"
+            for figure in FIGURES
+            if figure.key in self.errors
+            and not abs(self.errors[figure.key]) <= self.allowed[figure.key]
         ]
 
     def reached(self) -> str:

@@ -5,6 +5,7 @@
 """
 
 import math
+import re
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib import resources
@@ -185,6 +186,16 @@ class Mission(Part):
     def jettison_names(self) -> tuple[str, ...]:
         """Return the names of the jettisons in the order of the file and of ``jettisoned``."""
         return tuple(jettison.name for jettison in self.jettisons)
+
+    def with_names(self, text: str) -> str:
+        """Put the name of an arc or a jettison behind each number in a text, as in "arc 1"."""
+        known = {"arc": self.arc_names, "jettison": self.jettison_names}
+
+        def named(found: re.Match[str]) -> str:
+            names, k = known[found[1]], int(found[2])
+            return f"{found[0]} ({names[k]})" if k < len(names) else found[0]
+
+        return re.sub(r"\b(arc|jettison) (\d+)\b(?! \()", named, text)
 
     @property
     def heating_limit_holds(self) -> HeatingLimitHolds:

@@ -157,9 +157,11 @@ def _longest_free_burn(
     length = full_thrust + burn.start_loss_s + burn.tail_s
     if begin + length > MAX_FLIGHT_S:
         least = left * burn.exhaust_velocity(g0) / (MAX_FLIGHT_S - begin - length + full_thrust)
-        expected = f"the {left:,.6g} kg of propellant to be gone within {MAX_FLIGHT_S:,.0f} s"
+        expected = (
+            f"its {left:,.6g} kg of propellant to burn within {MAX_FLIGHT_S:,.0f} s of flight"
+        )
         if least > 0.0:
-            expected += f" of flight, by at least {least:.4g} N"
+            expected = f"at least {least:.4g} N, {expected}"
         fail((*path, "thrust_n"), burn.thrust_n, expected)
     return length
 

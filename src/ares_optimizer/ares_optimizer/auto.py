@@ -18,6 +18,7 @@ from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
 from ares_optimizer.indirect.solve import refine_root, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
+from ares_optimizer.out_of_reach import out_of_reach
 from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead
 from ares_optimizer.proof.checks import heating_from_jettison
 from ares_optimizer.request import Heating, Request
@@ -55,6 +56,8 @@ def solve_auto(request: Request) -> Solution:
     Returns:
         the best solution found.
     """
+    if evidence := out_of_reach(request.arrays, request.state):
+        return failed("auto", Cause(Status.INFEASIBLE, evidence))
     if request.heating is Heating.FROM_JETTISON:
         return _cool_from_jettison(request)
     steps: list[str] = []
@@ -66,7 +69,7 @@ def solve_auto(request: Request) -> Solution:
     beat = fast.m_f_kg * (1.0 + _BETTER) if fast is not None and fast.converged else None
     found = solve_collocation(replace(request, method="collocation"), beat)
     if fast is not None and fast.converged and not found.flyable:
-        steps.append(f"collocation: nothing better from {found.restarts + 1} starts")
+        steps.append(f"collocation: nothing better from {found.restarts + 1} first guesses")
         return replace(fast, steps=tuple(steps))
     steps.append(step("collocation", found))
     if orbits_of(request.arrays, request.state):

@@ -56,7 +56,10 @@ def begin_times(arrays: MissionArrays, start_s: float) -> Array:
     """
     durations = arrays.arcs["duration"]
     if not np.isfinite(durations[:-1]).all():
-        raise UnfitMethod("a failure by the clock needs a mission whose last arc alone is free")
+        arc = int(np.argmax(~np.isfinite(durations)))
+        raise UnfitMethod(
+            f"arc {arc} is free; expected the last arc alone to be, so that failures have a time"
+        )
     return start_s + np.concatenate(([0.0], np.cumsum(durations)))
 
 

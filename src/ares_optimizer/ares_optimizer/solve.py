@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solve a mission by any method: a proven solution or a named cause."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -128,21 +128,33 @@ def _check_arcs(request: Request) -> None:
     throttled = throttled_ahead(request.arrays, request.state[0])
     if throttled.any() and request.method not in (AUTO, COLLOCATION, "indirect"):
         arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
-        raise UnfitMethod(f"arc {arc}: its thrust is throttled, which is planned by indirect")
+        raise _unfit(
+            request, (AUTO, COLLOCATION, "indirect"), f"arc {arc} has max_acceleration_m_s2"
+        )
     _check_held(request)
     fixed = saving_stage(request.arrays, request.state[0]) < 0
     if fixed and request.method not in (AUTO, COLLOCATION):
-        raise UnfitMethod("no burn is free, which is planned by auto or collocation")
+        raise _unfit(request, (AUTO, COLLOCATION), "no burn is free")
     named = orbits_of(request.arrays, request.state)
     if named and request.method not in (AUTO, COLLOCATION):
         arc = min(named)
-        raise UnfitMethod(f"arc {arc}: it names its orbit, which is planned by auto or collocation")
+        raise _unfit(request, (AUTO, COLLOCATION), f"arc {arc} names its orbit")
     if not plans_arcs(request.arrays, request.state[0]):
         return
     if request.method == "closed_form" or request.method not in METHODS:
-        raise UnfitMethod(f"{request.method} takes missions whose last arc alone is free")
-    if (request.arrays.jettisons["criterion"] == MISSION_TIME).any():
-        raise UnfitMethod("a jettison is held at a time; free arcs before the last do not take it")
+        arc = free_arcs(request.arrays, request.state[0])[0]
+        raise _unfit(request, (AUTO, COLLOCATION, "indirect"), f"arc {arc} is free")
+    timed = request.arrays.jettisons["criterion"] == MISSION_TIME
+    if timed.any():
+        raise UnfitMethod(
+            f"jettison {int(np.argmax(timed))} is held at a time; expected none to be in a mission "
+            "with free arcs before its last"
+        )
+
+
+def _unfit(request: Request, methods: Sequence[str], why: str) -> UnfitMethod:
+    """Return the refusal of a method that does not plan what is in the mission."""
+    return UnfitMethod(f"method is {request.method}; expected {' or '.join(methods)}: {why}")
 
 
 def _check_held(request: Request) -> None:
@@ -151,21 +163,21 @@ def _check_held(request: Request) -> None:
     present = int(start["arc"])
     held = held_ahead(arrays, start)
     if held and request.method not in HELD_METHODS:
-        by = " or ".join(HELD_METHODS)
-        raise UnfitMethod(f"arc {held[0]}: its attitude is held, which is planned by {by}")
+        raise _unfit(request, HELD_METHODS, f"arc {held[0]} has attitude: held")
     if len(held) > MAX_HELD:
-        raise UnfitMethod(f"{len(held)} burns are in held attitude; at most {MAX_HELD} are planned")
+        raise UnfitMethod(f"{len(held)} burns have attitude: held; expected at most {MAX_HELD}")
     running = present if start["time"] > start["arc_start_time"] + SAME_TIME else -1
     tail, ended = last_tail(start, arrays.arcs)
     if tail >= 0 and start["time"] < ended + arrays.arcs[tail]["tail_time"].max() - SAME_TIME:
         running = tail
     if running >= 0 and arrays.arcs[running]["held"]:
         raise UnfitMethod(
-            f"arc {running}: it is burning in held attitude, and no state gives the direction"
+            f"arc {running} has attitude: held and burns already; the state does not say in which "
+            "direction"
         )
     ahead = arrays.arcs[present:]
     if held and not ((ahead["kind"] == BURN) & (ahead["held"] == 0)).any():
-        raise UnfitMethod(f"arc {held[0]}: its attitude is held, and no burn ahead is guided")
+        raise UnfitMethod(f"arc {held[0]} has attitude: held; expected a guided burn too")
 
 
 def _above_floors(request: Request, solution: Solution) -> Solution:

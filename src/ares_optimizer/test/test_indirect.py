@@ -578,7 +578,7 @@ class TestObstacles:
         solver.arrays.target["radius"] += 200.0
         cause = failure_cause(solver, start, unsound)
         assert cause.status is Status.INFEASIBLE
-        assert cause.reason == "no flight to the target found: radius_m off by -200, allowed 100"
+        assert cause.reason == "no flight to the target found: radius off by -200 m, allowed 100 m"
 
     def test_linear_gravity_is_no_proof(self, ares):
         """Refuse a root of the linear field by the independent flight."""

@@ -50,6 +50,14 @@ def compile_solvers() -> None:
         solve(load_mission("ares_v"), method)
 
 
+def compile_plans() -> None:
+    """Plan missions with free arcs, and fly one of them by its plan."""
+    from ares_optimizer.solve import solve
+
+    solve(load_mission("electron_sso"), "auto")
+    fly_stepwise(load_mission("falcon9_gto"), law=PEG.name)
+
+
 def compile_pages() -> None:
     """Call the kernels of a recorded flight's page."""
     mission = load_mission("ares_v")
@@ -66,6 +74,7 @@ def compile_flights() -> None:
     solve(load_mission("ares_v"), "collocation")
     solve(load_mission("ares_v"), "closed_form", verify=False)
     compile_laws(*law_names())
+    compile_plans()
     compile_pages()
 
 

@@ -86,5 +86,5 @@ def test_a_held_first_burn_is_aimed_at_once(tmp_path):
 def test_who_cannot_fly_it_is_refused_by_name(tmp_path):
     held = mission_with(tmp_path, "core", "attitude: held")
     start = held.start().navigation()
-    with pytest.raises(ValueError, match="law is 'igm', which flies no burn in held attitude; arc"):
+    with pytest.raises(ValueError, match="expected peg, which flies burns with attitude: held"):
         check_law("igm", held.arrays(foreseen=True), start)

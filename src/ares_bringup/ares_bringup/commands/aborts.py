@@ -10,12 +10,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ares_bringup.options import CannotStart, self_starting
+from ares_bringup.options import CannotStart, refusal, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, shown_path
 from ares_bringup.whole_file import write_whole
 from ares_guidance.laws import check_law
-from ares_models.mission import load_mission
+from ares_models.mission import Mission, load_mission
 from ares_optimizer.foreknown import begin_times
 from ares_studies.aborts.abort_map import AbortMap, MapMaker, MapSettings, Share
 from ares_studies.aborts.report import ENDS, make_report, render
@@ -49,6 +49,7 @@ class AbortOptions:
         Raises:
             CannotStart: mission or law is invalid; one line.
         """
+        mission: Mission | None = None
         try:
             law = self_starting(self.guidance)
             mission = load_mission(self.mission)
@@ -61,7 +62,7 @@ class AbortOptions:
                 None if mission.plans_arcs else arc_plan(mission, law),
             )
         except ValueError as error:
-            raise CannotStart(" ".join(str(error).split())) from error
+            raise refusal(error, mission) from error
         return MapSettings(mission, self.guidance, self.step_s)
 
 

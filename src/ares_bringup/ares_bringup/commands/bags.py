@@ -219,6 +219,7 @@ def replay_bag(
     apply_discovery_settings()
     with ExitStack() as held:
         stay: Callable[[], None] = lambda: None  # noqa: E731
+        facts: dict[str, object] = {}
         if live is not None:
             from ares_bringup.audience import served
             from ares_bringup.fly import say_on_standard_error
@@ -229,9 +230,10 @@ def replay_bag(
             except BagError as error:
                 raise CannotStart(str(error)) from error
             mission = ""
-            # without a mission the page has no names
+            # without a mission the page has no names and no verdict
             with suppress(CannotStart):
                 mission = held.enter_context(flown_mission(path, bag.custom_data).file())
+                facts = _facts_at_the_end(path)
             prefix = (namespace or "").strip("/")
             home = f"/{prefix}{home}" if prefix else home
             stay = held.enter_context(served(live, mission, home, path, say_on_standard_error))
@@ -241,5 +243,16 @@ def replay_bag(
             extract=Extract(**extract),
             namespace=namespace or "",
             expected=() if live is None else SHOWN,
+            facts=facts,
             then=stay,
         )
+
+
+def _facts_at_the_end(path: Path) -> dict[str, object]:
+    """Return the verdict on a recorded flight and its exit status, for the live page."""
+    from ares_bringup.monitor import verdict_facts
+    from ares_bringup.recorded import read_flight
+    from ares_node.diagnostics import EXIT_STATUS
+
+    facts = verdict_facts(read_flight(path).summary)
+    return facts | {EXIT_STATUS: f"{facts[EXIT_STATUS]}, as far as the bag tells"}

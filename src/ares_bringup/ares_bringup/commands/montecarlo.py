@@ -20,7 +20,7 @@ from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.commands.interrupts import note_written, report_interrupt
-from ares_bringup.options import CannotStart, self_starting
+from ares_bringup.options import refusal, self_starting
 from ares_bringup.parameter_tables import offered
 from ares_bringup.progress import bar
 from ares_bringup.rehearsal import rehearse
@@ -30,7 +30,7 @@ from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
-from ares_models.mission import load_mission
+from ares_models.mission import Mission, load_mission
 from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import FlightRange, Settings
@@ -92,6 +92,7 @@ class CampaignOptions:
             CannotStart: mission, dispersions, law or a setting is invalid; one line.
         """
         given = dict(self.law_settings)
+        mission: Mission | None = None
         try:
             self_starting(self.guidance)
             dispersions = load_dispersions(self.dispersions)
@@ -112,7 +113,7 @@ class CampaignOptions:
                 options=CAMPAIGN,
             )
         except ValueError as error:
-            raise CannotStart(" ".join(str(error).split())) from error
+            raise refusal(error, mission) from error
 
     def command(self, *verb: str) -> str:
         """Return an `ares` command with the same settings."""
@@ -130,7 +131,7 @@ def _one_line() -> Iterator[None]:
     try:
         yield
     except (InputError, AtmosphereError, StoreError, EngineError) as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
 
 
 def montecarlo(options: CampaignOptions, begun: float) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from ares_bringup.commands.interrupts import note_written
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, refusal
 from ares_models.commented import commented
 from ares_models.input_file import InputError, InputKind, KeyPath, read_input
 from ares_models.json_schema import json_schema
@@ -122,7 +122,7 @@ def _mission_data(like: str | None) -> dict[str, Any]:
         load_mission(path)
         return read_input(path, MISSION)[0]
     except InputError as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
 
 
 def new_dispersions(mission_name: str, out: Path | None) -> None:
@@ -138,7 +138,7 @@ def new_dispersions(mission_name: str, out: Path | None) -> None:
     try:
         mission = load_mission(mission_name)
     except InputError as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
     path = Path(f"{mission.name}_dispersions.yaml") if out is None else out
     data: dict[str, Any] = {}
     reasons: dict[KeyPath, str] = {}

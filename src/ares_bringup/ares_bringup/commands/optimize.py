@@ -3,7 +3,6 @@
 
 import json
 import math
-import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -14,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.doubts import show_warnings
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, refusal
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
 from ares_models.mission import Mission, MissionError, load_mission
@@ -85,6 +84,7 @@ def optimize(
 
         # before the search, so that an unreadable bag is reported at once
         flown = read_flight(beside)
+    mission: Mission | None = None
     try:
         mission = load_mission(mission_name)
         show_warnings(mission_name)
@@ -99,7 +99,7 @@ def optimize(
                 deadline=Deadline(time_limit_s, tell),
             )
     except (MissionError, OptimizerError) as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error, mission) from error
     if as_json:
         print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
     else:
@@ -123,13 +123,14 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
     Raises:
         CannotStart: bad mission, or one without a variable payload; one line.
     """
+    mission: Mission | None = None
     try:
         mission = load_mission(mission_name)
         show_warnings(mission_name)
         with search(quiet=as_json) as tell:
             found = greatest_payload(mission, time_limit_s, tell)
     except (MissionError, OptimizerError) as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error, mission) from error
     if as_json:
         text = {"payload_kg": found.payload_kg, **found.solution.to_json(mission.arc_names)}
         print(json.dumps(text, indent=2, allow_nan=False))
@@ -177,9 +178,11 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print(Text(f"{mission.title} ({mission.name}), {solution.method}"), style="bold")
     word = VERDICTS.get(solution.status, NOT_FOUND)[0]
     verdict = word if solution.reason == word else f"{word}: {solution.reason}"
-    out.print(Text(with_names(verdict, mission)), soft_wrap=True)
+    out.print(Text(mission.with_names(verdict)), soft_wrap=True)
     for line in solution.steps:
-        out.print(Text(f"  {with_names(line, mission)}"), soft_wrap=True)
+        out.print(Text(f"  {mission.with_names(line)}"), soft_wrap=True)
+    if solution.status is Status.INFEASIBLE and mission.payload_kg:
+        out.print("  --maximize payload finds what arrives, if anything does")
     if solution.trajectory is None:
         return
     out.print()
@@ -238,21 +241,10 @@ def arc_figures(arc: SteeringArc) -> tuple[tuple[float, int], ...]:
     )
 
 
-def with_names(text: str, mission: Mission) -> str:
-    """Put the name of an arc or a jettison behind its number in a text."""
-    known = {"arc": mission.arc_names, "jettison": mission.jettison_names}
-
-    def named(found: re.Match[str]) -> str:
-        names, k = known[found[1]], int(found[2])
-        return f"{found[0]} ({names[k]})" if k < len(names) else found[0]
-
-    return re.sub(r"\b(arc|jettison) (\d+)\b", named, text)
-
-
 def name_and_state(mission: Mission, check: ConstraintCheck) -> tuple[str, str]:
     """Return the name of a constraint with its unit, and whether it is active, slack, VIOLATED."""
     state = "active" if check.active else "slack"
-    name = with_names(check.name, mission)
+    name = mission.with_names(check.name)
     if check.unit:
         name = f"{name}, {check.unit}"
     return name, state if check.satisfied else "VIOLATED"

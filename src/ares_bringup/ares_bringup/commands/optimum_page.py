@@ -13,7 +13,6 @@ from ares_bringup.commands.optimize import (
     arc_figures,
     name_and_state,
     proof_facts,
-    with_names,
 )
 from ares_bringup.commands.report import (
     Told,
@@ -131,7 +130,7 @@ def _account(mission: Mission, solution: Solution, flight: DrawnFlight) -> Accou
 def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
     facts = {"mission": mission.name, "method": solution.method, "software": software()}
     for k, line in enumerate(solution.steps, 1):
-        facts[f"step {k} of the search"] = with_names(line, mission)
+        facts[f"step {k} of the search"] = mission.with_names(line)
     return facts | proof_facts(solution)
 
 

@@ -84,8 +84,7 @@ def check_law(
     ]
     advice = f"; try law {' or '.join(others)}" if others else ", nor does any other law"
     raise FindsNoWay(
-        f"law is {name!r}; expected one that finds a way from the mission's start to its "
-        f"target: this one finds none{advice}"
+        f"law is {name!r}, which finds no way from the start of the mission to its target{advice}"
     )
 
 
@@ -112,8 +111,8 @@ def finds_way(
     law = make_law(name, arrays)
     if names(arrays.target[0], _PLACE) and not law.kind.meets_place:
         raise ValueError(
-            f"law is {name!r}; expected one that flies to a place on an orbit whose argument of "
-            "perigee is named: this one needs the place or the argument free"
+            f"law is {name!r}, which flies to no place on an orbit whose argument of perigee is "
+            "named; leave either out of the target, or use another law"
         )
     if plan is not None:
         law.follow_arcs(plan)

@@ -256,12 +256,12 @@ def verdict_of(
     if search.starts > 1 and search.again < _LEAST_MET:
         return Cause(
             Status.FEASIBLE,
-            f"only one of {search.starts} starts led here: there may be a better one",
+            f"only one of {search.starts} first guesses led here: there may be a better flight",
         )
     if spread > SPREAD:
         return Cause(
             Status.FEASIBLE,
-            f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts",
+            f"the Hamiltonian is constant within {spread:.1e}; expected {SPREAD:g} at most",
         )
     touched = [
         floor.arc
@@ -273,8 +273,8 @@ def verdict_of(
         return Cause(
             Status.FEASIBLE,
             f"arc {touched[0]} would go through the ground and is kept above "
-            f"{search.added[0].altitude_m:,.0f} m, near where the flight begins; the file does not "
-            "say how low it may be (min_altitude_m)",
+            f"{search.added[0].altitude_m:,.0f} m, near where the flight begins; name its "
+            "min_altitude_m in the file",
         )
     return OPTIMAL
 

@@ -157,7 +157,8 @@ class Search:
             return
         self.starts += 1
         found = self._solved(trial)
-        if found is not None and (deep := self._underground(found)):
+        deep = self._without_floor() if found is None else self._underground(found)
+        if deep:
             # floor of these arcs: _BELOW_START_M below the start, at most the edge of the air
             level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
             added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
@@ -168,6 +169,15 @@ class Search:
             self.keep(found)
         elif found is not None:
             self._unproven = True
+
+    def _without_floor(self) -> list[int]:
+        """Return the arcs without a floor if the start is near the ground, where searches sink."""
+        if self.best is not None or self._start_m > _BELOW_START_M:
+            return []
+        known = {floor.arc for floor in self.floors}
+        return [
+            k for k in range(int(self.start["arc"][0]), len(self.arrays.arcs)) if k not in known
+        ]
 
     def _underground(self, found: FoundOptimum) -> list[int]:
         """Return the arcs without a floor that a flight flies below the ground."""
@@ -264,15 +274,18 @@ class Search:
             violation, name = min(self._violations)
             return Cause(
                 Status.INFEASIBLE,
-                f"no flight to the target exists near any of {self.starts} starts: the least "
-                f"violation is {violation:.2g}, of {name}",
+                f"no flight to the target found from {self._first_guesses()}: what fails most is "
+                f"the {name}, by {violation:.2g} of its scale",
             )
         if not self.starts:
             return Cause(
                 Status.ILLEGAL_START,
-                "no flight can be laid out: the last burn does not begin, or too many events",
+                "no flight can be computed: the last burn does not begin, or too many events",
             )
-        return Cause(Status.STALLED, f"no flight to the target found from {self.starts} starts")
+        return Cause(Status.STALLED, f"no flight to the target found from {self._first_guesses()}")
+
+    def _first_guesses(self) -> str:
+        return f"{self.starts} first guess{'es' * (self.starts != 1)}"
 
 
 def with_more_propellant(arrays: MissionArrays) -> MissionArrays:

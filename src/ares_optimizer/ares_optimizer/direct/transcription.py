@@ -97,7 +97,7 @@ def _sequence(
     )
     if count == 0:
         raise OptimizerError(
-            f"no flight can be laid out from arc {int(start['arc'])} at "
+            f"no flight can be computed from arc {int(start['arc'])} at "
             f"{float(start['time']):g} s: too many events, or the last burn does not begin"
         )
     segments = segments[:count]
@@ -289,7 +289,9 @@ def transcribe(
     laws, law_times, columns = _laws(method, now, boundaries, len(free))
     held, held_times = _held(main, columns)
     if arcs[-1]["tabled"]:
-        raise UnfitMethod("the last burn is a solid motor, which is planned by collocation")
+        raise UnfitMethod(
+            f"method is {method}; expected auto or collocation: the last burn has a thrust_table"
+        )
     last_piece = main[-1]
     left = float(last_piece["mass"]) - float(drops[:, 0].sum())
     last_arc = main[main["arc"] == len(arcs) - 1][0]

@@ -115,7 +115,7 @@ def failure_cause(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -
     if root.status == newton.BAD_TIMETABLE or root.iterations == 0:
         return Cause(
             Status.ILLEGAL_START,
-            "no flight can be laid out: the last burn does not begin, or only "
+            "no flight can be computed: the last burn does not begin, or only "
             f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events",
         )
     options = solver.options.copy()

@@ -8,7 +8,8 @@ const slider = document.querySelector(".transport .time");
 const clock = document.querySelector(".transport .now");
 const playButton = document.querySelector(".transport .play");
 const places = document.querySelector(".place");
-let now = LAST;
+// where all flights still have numbers
+let now = Math.min(...EARTH.flights.map((flight) => flight.time_s.at(-1)));
 
 const charts = plots.map((plot) => {
   const figure = figures[plot.dataset.key];

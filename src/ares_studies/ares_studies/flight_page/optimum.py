@@ -79,14 +79,17 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
 
 
 def _passed(time: Array, instants: Sequence[float]) -> NDArray[np.bool_]:
-    """Tell which instants are past at each row, shape (n, m); of two rows at one, the second."""
-    before = np.append(np.diff(time) == 0.0, False)
+    """Tell which instants are past at each row, shape (n, m).
+
+    Of several rows at an instant, it is past at all but the first.
+    """
     at = np.asarray(instants, dtype=float)
     near = np.abs(time[:, None] - at) < 1e-9
     behind = (time[:, None] > at) | near
-    # the first row of a pair precedes the event, and so does the end of the flight
+    # the first of several rows precedes the event, and so does the end of the flight
+    first = (np.cumsum(near, axis=0) == 1) & (near.sum(axis=0) > 1)
     last = np.arange(len(time)) == len(time) - 1
-    return np.asarray(behind & ~(near & (before | last)[:, None]))
+    return np.asarray(behind & ~(near & (first | last[:, None])))
 
 
 def _arcs(time: Array, flown: Sequence[FlownArc]) -> NDArray[np.int64]:

@@ -65,13 +65,31 @@ function extent(figure) {
   return [low - 0.015 * (high - low), high + 0.025 * (high - low)];
 }
 
-// a word stands where the next line leaves room for it
-function anchor(instants, i, [low, high]) {
-  const share = (instants[i].at - low) / (high - low);
-  if (share < 0.2) return "left";
-  if (share > 0.8) return "right";
-  const next = i + 1 < instants.length ? (instants[i + 1].at - instants[i].at) / (high - low) : 1;
-  return next < 0.3 ? "right" : "left";
+const pen = document.createElement("canvas").getContext("2d");
+const ROWS = 3, ROW = 16;
+
+// the side of its line and the row of each word, so that none is cropped or lies over another;
+// null: there is no room for it
+function placed(plot, instants, [low, high]) {
+  pen.font = `${FONT.size}px ${FONT.family}`;
+  // less what numbers of the vertical axis take
+  const width = plot.clientWidth - 76;
+  const ends = Array(ROWS).fill(-Infinity);
+  const next = instants.findLastIndex(({ text }) => text);
+  return instants.map(({ at, text }, i) => {
+    if (!text) return null;
+    const x = width * (at - low) / (high - low), size = pen.measureText(text).width + 8;
+    for (let row = 0; row < ROWS; row++) {
+      const sides = [["left", x, x + size], ["right", x - size, x]];
+      const side = (i === next ? sides.reverse() : sides)
+        .find(([, begin, end]) => begin >= Math.max(ends[row], -30) && end <= width + 8);
+      if (side) {
+        ends[row] = side[2];
+        return { xanchor: side[0], yshift: row * ROW };
+      }
+    }
+    return null;
+  });
 }
 
 // as many numbers below a plot as there is room for
@@ -96,11 +114,13 @@ function layout(plot, figure) {
     : { nticks: 7, ...(figure.y.span && { range: figure.y.span }) };
   // of a map both axes show more than asked for, never less
   const map = figure.stretch && { scaleanchor: "x", scaleratio: figure.stretch };
+  const places = placed(plot, figure.instants, range);
+  const rows = Math.max(0, ...places.map((place) => place ? place.yshift : 0));
   const word = { showarrow: false, font: { ...FONT, color: quiet }, borderpad: 1 };
   return {
     font: { ...FONT, color: colour("ink") },
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    margin: { l: 44, r: 10, t: 22, b: 26 }, showlegend: false,
+    margin: { l: 44, r: 10, t: 22 + rows, b: 26 }, showlegend: false,
     dragmode: coarse ? false : "zoom", uirevision: growing,
     hovermode: linked ? false : innerWidth > 700 ? "x unified" : "closest",
     hoverlabel: {
@@ -122,7 +142,7 @@ function layout(plot, figure) {
     annotations: [
       ...figure.instants.map((instant, i) => ({
         ...word, text: instant.text, x: instant.at, yref: "paper", y: 1, yanchor: "bottom",
-        xanchor: anchor(figure.instants, i, range),
+        visible: places[i] !== null, ...places[i],
       })),
       ...figure.levels.map((level) => ({
         ...word, text: level.text, xref: "paper", x: 1, xanchor: "right", yanchor: "bottom",

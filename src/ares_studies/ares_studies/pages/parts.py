@@ -178,7 +178,9 @@ def power(value: float, digits: int = 3, *, signed: bool = False) -> Cell:
         return Cell(BLANK)
     mantissa, exponent = f"{value:{'+' if signed else ''}.{digits - 1}e}".split("e")
     raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return Cell(f"{mantissa} × 10{raised}".replace("-", MINUS), float(f"{value:.{digits - 1}e}"))
+    return Cell(
+        f"{mantissa}\u00a0×\u00a010{raised}".replace("-", MINUS), float(f"{value:.{digits - 1}e}")
+    )
 
 
 #: Magnitude below which an error, in any unit, is due to rounding.

@@ -19,7 +19,7 @@ from ares_bringup.commands.optimize import (
     plain_table,
     proof_facts,
 )
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, refusal
 from ares_bringup.report import console, number
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_optimizer.deadline import Deadline
@@ -88,7 +88,7 @@ def optimize(
                 for name in JETTISON_TARGETS
             }
     except (MissionError, OptimizerError) as error:
-        raise CannotStart(" ".join(str(error).split())) from error
+        raise refusal(error) from error
     chosen = found[options.jettison_target]
     if as_json:
         print(json.dumps(_json(mission, chosen, found, optimum), indent=2, allow_nan=False))

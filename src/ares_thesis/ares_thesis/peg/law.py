@@ -82,16 +82,20 @@ class ThesisPeg(Law):
         """
         if leaves_arcs_free(arrays.arcs):
             raise ValueError(
-                f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
-                "of which only the last arc is free: expected peg, igm or optimal, which fly a plan"
+                "law is 'peg_thesis'; expected peg, igm or optimal, which fly arcs before the last "
+                f"that are free, as {name_free_arcs(arrays)}"
             )
         if coasts_long(arrays.arcs):
             raise ValueError(
-                f"the mission coasts for more than {LONG_COAST_S:g} s between burns; law "
-                "peg_thesis flies no such coast: expected peg, igm or optimal, which fly a plan"
+                "law is 'peg_thesis'; expected peg, igm or optimal, which fly coasts of more than "
+                f"{LONG_COAST_S:g} s between burns"
             )
-        if np.any(np.isfinite(arrays.arcs["max_acceleration"][arrays.arcs["kind"] == BURN])):
-            raise ValueError("the mission has a throttled burn; law peg_thesis flies none")
+        throttled = (arrays.arcs["kind"] == BURN) & np.isfinite(arrays.arcs["max_acceleration"])
+        if throttled.any():
+            raise ValueError(
+                "law is 'peg_thesis'; expected peg, igm or optimal, which fly burns with "
+                f"max_acceleration_m_s2, as arc {int(np.argmax(throttled))}"
+            )
         stages = int(arrays.arcs["stage"][-1]) + 1
         jettisons = arrays.jettisons
         if (
@@ -102,8 +106,9 @@ class ThesisPeg(Law):
         ):
             heating = int(np.sum(jettisons["criterion"] == HEATING_LIMIT))
             raise ValueError(
-                f"the mission has {stages} stages and {len(jettisons)} jettisons, {heating} by "
-                "heating; law peg_thesis flies two stages with one heating jettison in the second"
+                f"law is 'peg_thesis', which flies two stages with one jettison by "
+                f"heating_limit_w_m2 in the second; here are {stages} stages and {len(jettisons)} "
+                f"jettisons, {heating} by heating: use peg, igm or optimal"
             )
         target = arrays.target[0]
         if target["kind"] == TARGET_ELEMENTS and not names(target, NAMES_INCLINATION):
