@@ -42,7 +42,8 @@ def test_a_law_that_arrives_with_what_is_planned_is_no_matter():
     assert rehearse(parameters("atlas401_gto", "peg")) == ""
 
 
-def test_a_loss_is_told_before_anything_starts():
+def test_a_loss_is_told_before_anything_starts(monkeypatch):
+    monkeypatch.setattr("ares_bringup.rehearsal.TOLERATED", 1e-5)
     said = rehearse(parameters("soyuz_molniya", "igm"))
     found = re.fullmatch(
         r"law igm is expected to end with ([\d,.]+) kg, ([\d.]+) % less than the plan's "
@@ -51,7 +52,7 @@ def test_a_loss_is_told_before_anything_starts():
     )
     flown, lost, planned = (float(text.replace(",", "")) for text in found.groups())
     assert planned == pytest.approx(4_404.3, abs=0.1)
-    assert lost > 0.3
+    assert 0.0 < lost < 0.1
     assert lost == pytest.approx(100.0 * (1.0 - flown / planned), abs=0.006)
 
 
@@ -104,7 +105,7 @@ def test_a_law_that_starts_from_the_optimizer_is_checked_before_it_is_asked():
 @pytest.mark.trial
 def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
     bag = tmp_path / "bag"
-    mission = parameters("soyuz_gto", "optimal")["mission"]
+    mission = parameters("pegasus_haps", "optimal")["mission"]
     done = ares("fly", "--mission", mission, "--guidance", "optimal", "--bag", str(bag))
     assert done.returncode == 2
     assert done.stdout == ""

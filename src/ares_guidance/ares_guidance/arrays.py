@@ -408,7 +408,8 @@ PLAN = np.dtype(
         # primer at the start of a burn's thrust, a unit vector, and its rate, 1/s; nan: not known
         ("primer", np.float64, (MAX_ARCS, 2, 3)),
         ("ignition", np.float64, (MAX_ARCS,)),  # start of the thrust, MET, s
-        ("position", np.float64, (MAX_ARCS, 3)),  # at the end of that leg, m; 0: not known
+        # at the end of that leg, or of a free coast, m; 0: not known
+        ("position", np.float64, (MAX_ARCS, 3)),
         ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
     ],
     align=True,

@@ -9,6 +9,7 @@ import numpy as np
 from ares_guidance.kernels.floor import lowest_altitude
 from ares_models.arrays import BURN, COAST, NAVIGATION, MissionArrays
 from ares_models.floors import floors_of
+from ares_models.kernels.environment import altitude
 from ares_models.orbits import Elements
 from ares_models.plans import LONG_COAST_S
 from ares_models.tolerances import FLOOR_M
@@ -22,6 +23,8 @@ SAME_TIME = 0.01
 GROUND = 0.0
 #: Clearance above a floor that the plan touches, m; a law meets its target to about a metre.
 CLEARANCE = 0.5 * FLOOR_M
+#: Depth, m, from which a burn dips.
+DIP = 1e3
 
 
 def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tuple[int, float]]:
@@ -83,7 +86,8 @@ def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[i
     """Return the burns whose end a leg holds, with the lift of these ends, m.
 
     They are the burns before coasts that are long or touch their floor: a law that aims beyond
-    such a coast predicts its end poorly, and violates its floor.
+    such a coast predicts its end poorly, and violates its floor. In a plan by legs they are the
+    burns of fixed length before a burn that dips too, which may be kept above a floor there.
 
     Args:
         trajectory: of this mission.
@@ -102,7 +106,30 @@ def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[i
         burns = np.flatnonzero(arcs["kind"][:k] == BURN)
         if arcs["kind"][k] == COAST and length > LONG_COAST_S and len(burns):
             lifts[int(burns[-1])] = 0.0
+    if trajectory.by_legs:
+        lifts |= dict.fromkeys(_before_dips(trajectory, arrays), 0.0)
     return {k: lift for k, lift in (lifts | _lifts(trajectory, arrays)).items() if k in lengths}
+
+
+def _before_dips(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[int]:
+    """Return the burns before burns that sink by more than DIP and rise by as much."""
+    arcs = arrays.arcs
+    environment = arrays.environment[0]
+    height = np.array([altitude(tuple(r), environment) for r in trajectory.sample_position])
+    found = []
+    for k, begin, end in zip(
+        trajectory.flown_arc, trajectory.flown_start_time, trajectory.flown_end_time, strict=True
+    ):
+        inside = (trajectory.sample_time > begin - SAME_TIME) & (
+            trajectory.sample_time < end + SAME_TIME
+        )
+        burns = np.flatnonzero(arcs["kind"][:k] == BURN)
+        if arcs["kind"][k] != BURN or not inside.any() or not len(burns):
+            continue
+        low = height[inside].min() + DIP
+        if low < height[inside][0] and low < height[inside][-1]:
+            found.append(int(burns[-1]))
+    return found
 
 
 def _lifts(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:

@@ -32,6 +32,9 @@ FASTEST_TURN = 1.0
 #: Eccentricity above which a leg constrains the argument of perigee. Later burns rotate the apsides
 #: of a rounder orbit at little cost.
 ELONGATED = 0.5
+#: Eccentricity above which a leg before a coast that touches its floor constrains the perigee: a
+#: burn that lacks energy lowers the apogee then.
+OVAL = 0.1
 #: Smallest mass drop that counts as staging, as a fraction of the mass; rounding is smaller.
 LEAST_DROP = 1e-6
 
@@ -68,7 +71,8 @@ class ArcPlan:
             leaves the place on its orbit free.
         directions: first and last thrust direction of the leg that ends with the arc, shape
             (2, 3), where known.
-        positions: position at the end of that leg, m, shape (3,), where known.
+        positions: position at the end of that leg, m, shape (3,), where known; and at the end of
+            each free coast, if the target constrains the direction of its perigee.
         primers: primer at the start of each burn's thrust, a unit vector, and its rate, 1/s,
             shape (2, 3); nan: not known.
         ignitions: start of each burn's thrust, mission elapsed time, s.
@@ -77,8 +81,9 @@ class ArcPlan:
         by_legs: law `optimal` flies leg by leg too, instead of solving for the whole flight in
             each cycle: the plan satisfies constraints that the on-board problem lacks.
         orbits: orbit at the end of each burn that ends a leg, where known.
-        held: burns before a coast that is long or touches its floor. Each ends a leg, even if its
-            length is fixed.
+        held: burns before a coast that is long or touches its floor, or before a burn that dips.
+            Each ends a leg, even if its length is fixed.
+        floored: those before a coast that touches its floor.
     """
 
     lengths_s: dict[int, float]
@@ -92,6 +97,7 @@ class ArcPlan:
     by_legs: bool = False
     orbits: dict[int, Elements] = field(default_factory=dict)
     held: frozenset[int] = frozenset()
+    floored: frozenset[int] = frozenset()
 
     def record(self, arrays: MissionArrays) -> NDArray[np.void]:
         """Return the plan for the kernels, shape (1,), dtype PLAN.
@@ -105,7 +111,8 @@ class ArcPlan:
         arcs = arrays.arcs
         mu = float(arrays.environment["mu"][0])
         record = np.zeros(1, PLAN)
-        record["made"] = leaves_arcs_free(arrays.arcs) or coasts_long(arrays.arcs)
+        free = leaves_arcs_free(arrays.arcs) or coasts_long(arrays.arcs)
+        record["made"] = free or bool(self.held)
         record["by_legs"] = self.by_legs
         ends = (arcs["kind"] == BURN) & np.isinf(arcs["duration"])
         ends[list(self.held)] = True
@@ -136,7 +143,9 @@ class ArcPlan:
             # undefined for an equatorial plane: any node will do
             target["ascending_node"] = np.nan_to_num(end.ascending_node)
             if self.by_legs and names_perigee_direction(arrays.target[0]):
-                self._hold_perigee(target, int(k))
+                self._hold_perigee(target, int(k), ELONGATED)
+            if k in self.floored:
+                self._hold_perigee(target, int(k), OVAL)
         for index, directions in self.directions.items():
             record["direction"][0, index] = directions
         for index, position in self.positions.items():
@@ -148,7 +157,7 @@ class ArcPlan:
         record["jettison_time"] = self.jettison_time_s
         return record
 
-    def _hold_perigee(self, target: np.void, k: int) -> None:
+    def _hold_perigee(self, target: np.void, k: int, least: float) -> None:
         """Aim a leg at its planned orbit, place free, if that is bound and elongated.
 
         A short later burn cannot rotate the apsides of such an orbit back.
@@ -156,9 +165,10 @@ class ArcPlan:
         Args:
             target: record TARGET, with the plane. Changed.
             k: index of the burn that ends the leg.
+            least: eccentricity.
         """
         orbit = self.orbits.get(k)
-        if orbit is None or not ELONGATED < orbit.eccentricity < 1.0:
+        if orbit is None or not least < orbit.eccentricity < 1.0:
             return
         target["kind"] = TARGET_KEPLERIAN
         target["semi_major_axis"] = orbit.semi_major_axis
@@ -340,6 +350,8 @@ class OfflineTrajectory:
             burns = arcs["kind"][k] == BURN
             last = k + 1 == len(arcs)
             free = np.isinf(arcs["duration"][k])
+            if free and not burns and names_perigee_direction(arrays.target[0]):
+                positions[int(k)] = self.sample_position[self._sample(end, f"the end of arc {k}")]
             if free or k in lifts:
                 lengths[int(k)] = float(end - start)
             first = self._first_burn(start, end)
@@ -362,8 +374,11 @@ class OfflineTrajectory:
                     states[int(k)] = self.sample_at(reached, f"the end of burn {k}")
                 else:
                     states[int(k)] = Insertion.from_state(position, velocity)
-                    mu = float(arrays.environment["mu"][0])
-                    orbits[int(k)] = Elements.from_state(position, velocity, mu)
+                    # on a floor the place counts, and not the orbit alone
+                    rises = states[int(k)].flight_path_angle > 0.0
+                    if not (rises and lifts.get(int(k), 0.0) > 0.0):
+                        mu = float(arrays.environment["mu"][0])
+                        orbits[int(k)] = Elements.from_state(position, velocity, mu)
         return ArcPlan(
             lengths,
             states,
@@ -376,6 +391,7 @@ class OfflineTrajectory:
             self.by_legs,
             orbits,
             frozenset(lifts),
+            frozenset(k for k, lift in lifts.items() if lift > 0.0),
         )
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:

@@ -12,10 +12,11 @@ from dataclasses import replace
 
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.floors import floors_of, orbits_of
+from ares_models.tolerances import FLOOR_M
 from ares_optimizer.collocation.report import LOCAL_OPTIMA
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.floor_check import below_floor
+from ares_optimizer.floor_check import below_floor, depth_below_ground
 from ares_optimizer.indirect.solve import refine_root, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
 from ares_optimizer.out_of_reach import out_of_reach
@@ -64,7 +65,11 @@ def solve_auto(request: Request) -> Solution:
     fast = _fast(request)
     if fast is not None:
         steps.append(step("indirect", fast))
-        if fast.converged and not request.verify:
+        deep = depth_below_ground(request.arrays, fast)
+        if deep > FLOOR_M:
+            steps[-1] = f"indirect: goes through the ground, {deep:,.0f} m deep"
+            fast = None
+        elif fast.converged and not request.verify:
             return replace(fast, steps=tuple(steps))
     beat = fast.m_f_kg * (1.0 + _BETTER) if fast is not None and fast.converged else None
     found = solve_collocation(replace(request, method="collocation"), beat)
@@ -185,6 +190,8 @@ def _search_by_indirect(request: Request, found: Solution) -> Solution | None:
     except OptimizerError:
         return None
     if not exact.converged or exact.m_f_kg <= least or below_floor(arrays, start, exact):
+        return None
+    if depth_below_ground(arrays, exact) > FLOOR_M:
         return None
     return replace(
         exact,

@@ -66,6 +66,19 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
     return ""
 
 
+def depth_below_ground(arrays: MissionArrays, solution: Solution) -> float:
+    """Return how deep a flight goes below the ground, m; 0: nowhere, or no trajectory.
+
+    Args:
+        arrays: the mission.
+        solution: of any method.
+    """
+    track = solution.trajectory
+    if track is None or not len(track.time_s):
+        return 0.0
+    return max(0.0, -_lowest_between(arrays, track, (-math.inf, math.inf), 0.0))
+
+
 def _lowest_between(
     arrays: MissionArrays, track: Trajectory, times: tuple[float, float], level: float
 ) -> float:

@@ -26,7 +26,7 @@ from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
-from ares_optimizer.floor_check import below_floor
+from ares_optimizer.floor_check import below_floor, depth_below_ground
 from ares_optimizer.request import Heating, Request, arrays_and_state
 from ares_optimizer.solution import Check, ConstraintCheck, Solution, Status, UnfitMethod
 from ares_optimizer.solve import solve
@@ -394,6 +394,19 @@ def test_a_start_1_m_above_the_ground_needs_no_floor_in_the_file() -> None:
     named = solve(arrays, "auto", state=start_of(mission))
     assert named.status is Status.CONVERGED, named.reason
     assert found.m_f_kg == pytest.approx(named.m_f_kg, abs=0.01)
+
+
+def test_auto_takes_no_optimum_through_the_ground() -> None:
+    mission = load_mission(LAUNCHERS / "ariane5eca_jwst.yaml")
+    found = solve(mission, "auto", verify=False)
+    assert found.steps[0] == "indirect: goes through the ground, 4,252 m deep"
+    assert found.status is Status.FEASIBLE
+    assert "arc 2 would go through the ground and is kept above 66,000 m" in found.reason
+    assert found.m_f_kg == pytest.approx(13_983.78, abs=0.05)
+    assert found.trajectory is not None
+    assert depth_below_ground(mission.arrays(), found) == 0.0
+    deep = solve(mission, "indirect", verify=False)
+    assert depth_below_ground(mission.arrays(), deep) == pytest.approx(4_252.0, abs=1.0)
 
 
 def test_solutions_are_one_where_mass_and_arcs_are() -> None:

@@ -75,6 +75,17 @@ def test_what_is_named_is_met(law, name):
     assert -1e-6 < 1.0 - plant["mass"] / best.m_f_kg < lost
 
 
+@pytest.mark.parametrize("law", ["peg", "igm"])
+def test_a_burn_through_more_than_half_a_radian_loses_little(law):
+    """Fly burns of 15 min together; by a pass for small angles they cost peg 0.33 % of the mass."""
+    mission = load_mission(LAUNCHERS / "gslv2_gto.yaml")
+    assert not mission.needs_plan
+    best = solve_indirect(mission.arrays(), mission.start().navigation(), verify=False)
+    plant = fly_compiled(mission, law=law).plant
+    assert judged(mission, plant).end is End.TARGET
+    assert plant["mass"] > 0.9995 * best.m_f_kg
+
+
 @pytest.mark.parametrize(("law", "loss"), [("peg", 4e-3), ("optimal", 1e-6)])
 @pytest.mark.parametrize("inclination", [65.0, 100.0])
 def test_a_slow_start_turns_into_another_plane(law, loss, inclination):

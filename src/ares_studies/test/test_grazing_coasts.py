@@ -2,21 +2,26 @@
 """Coasts that touch their lower altitude bound after burns of fixed length: flown as planned."""
 
 import math
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ares_guidance.floor import burns_before_floors
+from ares_guidance.floor import held_burns
+from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_PLANE
 from ares_models.judge import End, judge
 from ares_models.kernels.environment import altitude
-from ares_models.mission import Mission
+from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements
 from ares_models.tolerances import FLOOR_M
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import offline_trajectory, ready_law
+from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
+from ares_trials.testing.arrivals import judged
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
+MISSIONS = Path(__file__).parents[2] / "ares_optimizer" / "test" / "missions"
 EQUATOR = 6_378_137.0
 LAWS = ("peg", "igm", "optimal")
 #: Of the plan's mass.
@@ -98,12 +103,27 @@ def test_the_plan_touches_its_floor(floor):
     found = plan(floor)
     assert found.converged, found.reason
     trajectory = offline_trajectory(found)
-    assert list(burns_before_floors(trajectory, arrays)) == [1]
+    assert list(held_burns(trajectory, arrays)) == [1]
     kept = trajectory.arc_plan(arrays)
     assert kept.held == {1}
     record = kept.record(arrays)[0]
+    # a burn that lacks energy lowers the apogee, not the perigee
+    assert record["target"]["kind"][1] == TARGET_KEPLERIAN
+    plain = replace(kept, floored=frozenset()).record(arrays)[0]
+    assert plain["target"]["kind"][1] == TARGET_RADIUS_SPEED_ANGLE_PLANE
     assert list(np.flatnonzero(record["ends_leg"])) == [1]
     assert record["length"][1] == pytest.approx(364.0)
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("name", ["coast_10", "coast_18", "coast_22"])
+def test_three_stages_graze_the_ground_and_arrive(name, law):
+    mission = load_mission(MISSIONS / f"{name}.yaml")
+    optimum = solve(mission, "auto", verify=False)
+    plant = fly_compiled(mission, law=ready_law(mission, law, guess=optimum)).plant
+    assert judged(mission, plant).end is End.TARGET
+    assert float(plant["mass"]) > (1.0 - MOST_LOST) * optimum.m_f_kg
 
 
 @pytest.mark.parametrize("law_name", LAWS)

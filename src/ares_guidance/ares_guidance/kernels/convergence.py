@@ -9,16 +9,20 @@ import math
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, STEEPEST, Onboard
 from ares_guidance.kernels.large_turn import (
+    PIECE,
     converge_held,
     converge_large_turn,
     converge_lofted,
 )
+from ares_guidance.kernels.near import may_release_place
 from ares_guidance.kernels.peg import iterate
 from ares_guidance.kernels.segments import least_time_to_go, plan_segments
 from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import MissionRecords
+from ares_models.arrays import TARGET_ELEMENTS, MissionRecords, Record
 from ares_models.jit import kernel
+from ares_models.kernels.targets import leaves_place_free
+from ares_models.kernels.vectors import load, norm
 
 #: Value of `state.law` for solutions by the pass.
 LAW = LAW_PEG
@@ -26,9 +30,13 @@ LAW = LAW_PEG
 #: held: no later cycle corrects its residual.
 LAST_SHARE = 0.01
 LAST_PASSES = 20
-#: Replaces `small_turn_limit`, rad, after a failure and in a flight by legs. Their burns may be
-#: long at low thrust, where the expansion about the mean direction costs mass.
+#: Replaces `small_turn_limit`, rad, after a failure, in a flight by legs and where the target is an
+#: orbit. Their burns may be long at low thrust, where the expansion about the mean direction costs
+#: mass.
 SMALL_WHERE_LONG = 0.2
+#: Surplus of a leg that the clock ends, as a fraction of its length, that may be an error of the
+#: prediction: spent too early it is missing at the end.
+SAME_LENGTH = 3e-3
 
 
 @kernel
@@ -88,6 +96,17 @@ def begin_again(mission: MissionRecords, onboard: Onboard, cold: bool) -> None:
 
 
 @kernel
+def goes_far(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Return whether the burn ahead covers more than PIECE of the orbit.
+
+    A pass predicts gravity by one coast, and its turn says nothing of the error there.
+    """
+    radius = norm(load(onboard.navigation.position))
+    rate = math.sqrt(mission.environment.mu / radius**3)
+    return rate * onboard.state.solution.time_to_go > PIECE
+
+
+@kernel
 def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """Solve with the cut-off free, by small angles if possible, else by large angles.
 
@@ -101,8 +120,11 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
     state = onboard.state
     state.turn.held = 0.0
     limit = onboard.settings.small_turn_limit
-    if (state.found.count > 0 or state.leg.count > 0) and math.isfinite(limit):
+    by_orbit = state.leg.count > 0 or mission.target.kind == TARGET_ELEMENTS
+    if (state.found.count > 0 or by_orbit) and math.isfinite(limit):
         limit = min(limit, SMALL_WHERE_LONG)
+        if by_orbit and goes_far(mission, onboard):
+            limit = 0.0
     small_does = False
     dear = 0.0
     if state.solution.primer.gradient == 0.0:
@@ -111,6 +133,12 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
         if math.isinf(limit):
             return error, reachable
         good = error == ERROR_NONE and reachable and state.solution.turn <= limit
+        released = may_release_place(mission, onboard, state.solution.turn)
+        # where the place is free the pass has moved the aim instead
+        released = released and not leaves_place_free(mission.target)
+        if error == ERROR_NONE and reachable and released:
+            # too short a burn to correct the place: it meets the orbit's speed there
+            return error, True
         # a first solution may lack propellant only because of its small-angle expansion
         dear = lacking_speed(state) if good and cold else 0.0
         if good and not dear > SETTLED and settle(mission, onboard) == ERROR_NONE:
@@ -134,6 +162,17 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
 
 
 @kernel
+def ends_by_clock(mission: MissionRecords, state: Record) -> bool:
+    """Return whether the last burn of a leg has a least length: of a burn of fixed length, its own.
+
+    Args:
+        mission: the leg as a mission.
+        state: record GUIDANCE_STATE.
+    """
+    return state.leg.count > 0 and mission.arcs[mission.arcs.shape[0] - 1].shortest > 0.0
+
+
+@kernel
 def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """Solve with the arcs before the last flown in full.
 
@@ -153,9 +192,14 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     if error != ERROR_NONE:
         return error, reachable
     least = least_time_to_go(mission.arcs, onboard.navigation, state)
-    if state.solution.time_to_go >= least or least <= onboard.settings.hold_time:
+    surplus = least - state.solution.time_to_go
+    clocked = ends_by_clock(mission, state)
+    if clocked:
+        surplus -= SAME_LENGTH * least
+    if surplus <= 0.0 or least <= onboard.settings.hold_time:
         return error, reachable
     if converge_held(mission, onboard, least) != ERROR_NONE:
-        reachable = False
+        # a later leg corrects the surplus
+        reachable = reachable and clocked
     state.solution.time_to_go = least
     return error, reachable

@@ -29,6 +29,7 @@ from ares_models.kernels.environment import gravity
 from ares_models.kernels.targets import (
     aim_at_radius,
     desired_state,
+    leaves_place_free,
     plane_normal,
     project_to_plane,
 )
@@ -173,7 +174,10 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     k_2 = ratio * k_1
     solution.turn = max(abs(k_1), abs(k_3))
     if may_release_place(mission, onboard, abs(k_1)):
-        aim_at_radius(target, risen)
+        if leaves_place_free(target):
+            aim_at_radius(target, risen)
+        else:
+            k_1 = k_2 = k_3 = k_4 = 0.0
 
     # the prediction is expanded about chi-tilde, which the flown chi equals at t = J / L
     middle = thrust_direction(frame, pitch, yaw)

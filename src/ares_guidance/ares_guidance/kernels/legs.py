@@ -26,12 +26,14 @@ from ares_models.jit import inlined, kernel
 from ares_models.kernels.coast import coast
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.sequence import mass_at_staging
-from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
+from ares_models.kernels.vectors import add, cross, dot, load, norm, scale, store, sub, unit
 
 #: Largest difference of a leg's first solution from its planned end, as a fraction of the leg.
 ALLOWED_SHARE = 0.1
 #: Least length of the mean of two directions that is usable as a direction.
 LEAST_MEAN = 0.15
+#: Newton steps to the time at which a coast passes a place.
+PLACE_STEPS = 6
 
 
 @kernel
@@ -102,7 +104,8 @@ def set_guess(plan: Record, leg: Record, last: int) -> None:
 def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
     """Write the leg that ends with arc ``last``.
 
-    Its last burn is free for the law, even if of fixed length: there the clock ends it.
+    Its last burn is free for the law, even if of fixed length: there the clock ends it, and the law
+    spends the surplus delta-V.
 
     Args:
         mission: as guidance believes it.
@@ -117,11 +120,41 @@ def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
         if math.isinf(leg.arcs[k].duration):
             leg.arcs[k].duration = plan.length[k]
     leg.arcs[last].duration = math.inf
+    if math.isfinite(mission.arcs[last].duration):
+        leg.arcs[last].shortest = mission.arcs[last].duration
+        leg.arcs[last].longest = math.inf
     if leg.count < mission.arcs.shape[0]:
         leg.target = plan.target[last]
     else:
         set_aim(mission, state)
     set_guess(plan, leg, last)
+
+
+@kernel
+def time_coast(mission: MissionRecords, nav: Record, plan: Record) -> None:
+    """Let a free coast that begins a leg end at its planned place, if the plan has one.
+
+    The burn before it met the planned orbit, but not at the planned place.
+
+    Args:
+        mission: as guidance believes it.
+        nav: record NAVIGATION.
+        plan: record PLAN. The length of the coast is changed.
+    """
+    arc = mission.arcs[nav.arc]
+    place = load(plan.position[nav.arc])
+    if arc.kind != COAST or math.isfinite(arc.duration) or norm(place) == 0.0:
+        return
+    begun = nav.time - nav.arc_start_time
+    ahead = plan.length[nav.arc] - begun
+    for _ in range(PLACE_STEPS):
+        r, v = coast(load(nav.position), load(nav.velocity), ahead, mission.environment)
+        momentum = cross(r, v)
+        angle = math.atan2(dot(cross(r, place), unit(momentum)), dot(r, place))
+        ahead += angle * dot(r, r) / norm(momentum)
+    if math.isfinite(ahead):
+        plan.length[nav.arc] = begun + max(ahead, 0.0)
+        plan.length[nav.arc] = min(max(plan.length[nav.arc], arc.shortest), arc.longest)
 
 
 @kernel
@@ -337,6 +370,7 @@ def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
     last = last_of_leg(nav.arc, mission.arcs, state.plan)
     begins = last + 1 != leg.count
     if begins:
+        time_coast(mission, nav, state.plan)
         lay_out(mission, state, last)
     was_coasting = leg.coasting
     look_ahead(mission, nav, leg)

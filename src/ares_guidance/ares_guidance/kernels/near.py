@@ -12,13 +12,15 @@ from ares_guidance.arrays import AIM_NEAR, AIM_TARGET, Onboard
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
 from ares_models.arrays import (
+    NAMES_TRUE_ANOMALY,
+    TARGET_ELEMENTS,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
     MissionRecords,
     Record,
 )
 from ares_models.jit import kernel
-from ares_models.kernels.targets import leaves_place_free
+from ares_models.kernels.targets import names
 from ares_models.kernels.vectors import add, axpy, load, norm, scale, store, unit
 
 #: Largest cost of the exact radius, as a fraction of the mass.
@@ -51,7 +53,9 @@ def may_release_radius(mission: MissionRecords, onboard: Onboard, cold: bool) ->
 
 @kernel
 def may_release_place(mission: MissionRecords, onboard: Onboard, turn: float) -> bool:
-    """Return whether a burn may meet its orbit at any radius: it is too short to correct it.
+    """Return whether a burn need not correct its radius: it is too short for that.
+
+    Speed and angle are those of the target's orbit at the place where the burn ends.
 
     Args:
         mission: as guidance believes it.
@@ -59,7 +63,9 @@ def may_release_place(mission: MissionRecords, onboard: Onboard, turn: float) ->
         turn: needed to meet the present radius, rad.
     """
     late = onboard.state.solution.time_to_go <= onboard.settings.restart_time
-    return late and turn > CHEAP_TURN and leaves_place_free(mission.target)
+    target = mission.target
+    on_orbit = target.kind == TARGET_ELEMENTS and not names(target, NAMES_TRUE_ANOMALY)
+    return late and turn > CHEAP_TURN and on_orbit
 
 
 @kernel

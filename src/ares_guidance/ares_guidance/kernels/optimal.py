@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, Onboard
-from ares_guidance.kernels.convergence import begin_again
+from ares_guidance.kernels.convergence import SAME_LENGTH, begin_again, ends_by_clock
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
 from ares_guidance.kernels.segments import (
@@ -534,6 +534,8 @@ def ends_early(mission: MissionRecords, onboard: Onboard) -> bool:
     if plans_whole(state):
         return False
     least = least_time_to_go(mission.arcs, onboard.navigation, state)
+    if ends_by_clock(mission, state):
+        least *= 1.0 - SAME_LENGTH
     return least > onboard.settings.hold_time and state.solution.time_to_go < least
 
 

@@ -17,6 +17,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.targets import (
     aim_at_radius,
     desired_state,
+    leaves_place_free,
     plane_normal,
     project_to_plane,
 )
@@ -97,7 +98,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     moved = predict_jettisons(mission, onboard, steering)
 
     # correction
-    if let_go:
+    if let_go and leaves_place_free(target):
         aim_at_radius(target, norm(r_p))
     normal, reachable = plane_normal(target, r_p, cross(r_p, v_p))
     wanted_r, wanted_v, _ = desired_state(target, mu, project_to_plane(r_p, normal), normal)
