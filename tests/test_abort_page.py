@@ -66,7 +66,10 @@ def test_one_json_object(ares):
     [
         (("--guidance", "no_law"), "no_law"),
         (("--guidance", "peg_thesis"), "starts by itself: one of igm"),
-        (("--mission", "delta_iii_coast", "--guidance", "optimal"), "last arc alone is free"),
+        (
+            ("--mission", "delta_iii_coast", "--guidance", "optimal"),
+            "expected only the last arc to be",
+        ),
         (("--mission", "nothing"), "nothing"),
         (("--step-s", "0"), "--step-s"),
         (("--out", "no/such/folder/map.html"), "its folder does not exist"),

@@ -99,7 +99,7 @@ def test_a_mission_of_another_kind_leaves_the_node_unconfigured(graph):
     overrides = [Parameter("law", value="peg_thesis"), Parameter("mission", value="delta_iii")]
     node = graph.add(GuidanceNode(context=graph.context, parameter_overrides=overrides))
     assert not node.start()
-    assert "flies two stages with one heating jettison" in node.failure
+    assert "flies two stages with one jettison by heating_limit_w_m2" in node.failure
 
 
 # ---- the command line

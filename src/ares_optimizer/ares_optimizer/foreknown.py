@@ -58,7 +58,7 @@ def begin_times(arrays: MissionArrays, start_s: float) -> Array:
     if not np.isfinite(durations[:-1]).all():
         arc = int(np.argmax(~np.isfinite(durations)))
         raise UnfitMethod(
-            f"arc {arc} is free; expected the last arc alone to be, so that failures have a time"
+            f"arc {arc} is free; expected only the last arc to be, so that failures have a time"
         )
     return start_s + np.concatenate(([0.0], np.cumsum(durations)))
 

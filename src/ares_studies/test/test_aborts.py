@@ -225,5 +225,5 @@ def test_an_engine_of_its_burn_is_lost():
 
 
 def test_a_plan_of_arcs_has_no_map():
-    with pytest.raises(UnfitMethod, match="last arc alone is free"):
+    with pytest.raises(UnfitMethod, match="expected only the last arc to be"):
         MapMaker(MapSettings(load_mission("delta_iii_coast"), "peg", 60.0))

@@ -146,7 +146,7 @@ def test_an_apogee_alone_is_flown_to_from_the_height_of_the_start():
 def test_a_free_place_needs_a_plan(law):
     free = aimed(**TARGETS["transfer"])
     arrays = free.arrays(foreseen=True)
-    with pytest.raises(ValueError, match=f"{law}.*needs a plan for the end on the target's orbit"):
+    with pytest.raises(ValueError, match=f"{law}.*needs a plan of .* the target's orbit"):
         check_law(law, arrays, free.start().navigation())
     for name in ("transfer with its perigee", "at perigee"):
         assert not make_law(law, aimed(**TARGETS[name]).arrays()).lacks_plan
@@ -198,7 +198,7 @@ def test_a_place_beside_a_perigee_is_for_the_optimal_law(law):
         result = judged(mission, fly_compiled(mission, law=make_law(law, arrays)).plant)
         assert result.end is End.TARGET, result
         return
-    with pytest.raises(ValueError, match=f"law is '{law}'; expected one that flies to a place"):
+    with pytest.raises(ValueError, match=f"law is '{law}', which flies to no place"):
         check_law(law, arrays, start)
 
 

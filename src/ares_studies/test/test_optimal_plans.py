@@ -73,14 +73,15 @@ def test_the_optimum_is_flown(name):
     assert np.linalg.norm(flown.plant["velocity"]) == pytest.approx(final.speed_m_s, abs=0.01)
 
 
-@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize("name", [name for name in MISSIONS if name != "delta_iii_coast"])
 def test_peg_on_a_plan_loses_little(name):
+    """Fly all but the mission that is refused, as its last burn of 4 s corrects no place."""
     flight, optimum, flight_by_peg = flown_by("peg", name)
     flown = flight_by_peg.plant
     assert flown["inserted"] == 1
     arcs = flight.arrays().arcs
     lost = arcs["exhaust_velocity"][-1] * np.log(optimum.m_f_kg / flown["mass"])
-    # two_burn: 0.05 %, delta_iii_coast: 0.1 %
+    # two_burn: 0.05 %
     assert -1e-6 < lost / optimum.delta_v_m_s < 0.002
 
 

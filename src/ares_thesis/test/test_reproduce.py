@@ -48,7 +48,7 @@ def tables(report):
     yield "headline", report.headline
 
 
-TIMES = " \N{MULTIPLICATION SIGN} 10"
+TIMES = "\N{NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NO-BREAK SPACE}10"
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
