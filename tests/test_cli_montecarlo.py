@@ -105,9 +105,6 @@ def test_a_law_that_does_not_arrive_is_refused_before_the_first_flight(ares, tmp
     assert flown.stderr.partition("(")[0] == done.stderr.partition("(")[0]
 
 
-INTERRUPTED = "ares: interrupted\n"
-
-
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_campaign_goes_on(ares, tmp_path, end):
     folder = tmp_path / "c"
@@ -129,8 +126,8 @@ def test_an_interrupted_campaign_goes_on(ares, tmp_path, end):
     assert out == ""
     if end == signal.SIGINT:
         assert flying.returncode == 130
-        # where the flights are, or no more than that if a loaded machine ends it at once
-        assert str(folder) in error or os.path.relpath(folder) in error or error == INTERRUPTED
+        # also if a loaded machine ends it at once
+        assert str(folder) in error or os.path.relpath(folder) in error
         assert "Traceback" not in error
     spans = [path.stem.partition("-") for path in parts.glob("*.parquet")]
     total = max(int(first) + int(count) for first, _, count in spans) + 100

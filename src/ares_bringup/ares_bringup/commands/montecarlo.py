@@ -159,6 +159,7 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
         # compiles the kernels, and checks that the dispersions fit the mission
         FlightRange(settings).fly(0, 1)
         with Store(folder, settings) as store:
+            note_written(shown_path(str(store.folder)))
             plan = CampaignPlan(
                 settings, options.count, options.success_width, options.mass_width_kg
             )
