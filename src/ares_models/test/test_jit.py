@@ -222,7 +222,8 @@ print(plant["mass"], plant["position"], plant["velocity"])
 
 
 @pytest.mark.trial
+@pytest.mark.timeout(1800)
 def test_a_flight_without_numbas_private_parts_is_the_same(tmp_path):
-    linked = run_kernels(FLIGHT, tmp_path)
+    linked = run_kernels(FLIGHT, tmp_path, NUMBA_CACHE_DIR=os.environ["NUMBA_CACHE_DIR"])
     plain = run_kernels(FLIGHT, tmp_path, ARES_PLAIN_NUMBA="1")
     assert plain.stdout == linked.stdout != "", plain.stderr
