@@ -23,7 +23,7 @@ from ares_vehicle_sim.dispersions import Dispersions, SpreadRange
 
 DOCS = Path(__file__).parent.parent / "docs"
 #: Distinct files that are tried, at least.
-ENOUGH = 3000
+ENOUGH = 2000
 
 SCHEMAS = {MISSION: Mission, DISPERSIONS: Dispersions}
 PAGES = {MISSION: DOCS / "missions.md", DISPERSIONS: DOCS / "montecarlo.md"}
@@ -37,8 +37,8 @@ made = cache(all_inputs)
 def test_every_value_is_flown_or_solved_or_refused_in_one_line():
     chosen = {kind: each_once(made(kind)) for kind in ACTIONS}
     found = [task for kind, some in chosen.items() for task in tasks(kind, some, everything=False)]
-    # every other file that is read only; `make sweep` takes all
-    todo = [task for k, task in enumerate(found) if task.actions or k % 2]
+    # a third of the files that are read only; `make sweep` takes all
+    todo = [task for k, task in enumerate(found) if task.actions or k % 3 == 1]
     assert len({task.text for task in todo}) == len(todo) >= ENOUGH
     results = list(attempt_all(todo, warm_up()))
     assert [str(result) for result in results if result.broken] == []

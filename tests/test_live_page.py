@@ -207,6 +207,7 @@ def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults):
     page.wait_for_function("() => plots.every((plot) => plot._fullLayout)")
 
 
+@pytest.mark.trial
 def test_updates_come_and_no_more_than_twenty_a_second(flown, opened):
     """Limit the rate of updates; benchmarks/live_flight.py measures the rate on an idle machine."""
     flight = flown("--pace", "5", "--no-record")
@@ -251,6 +252,7 @@ def test_a_server_that_is_killed_is_missed_by_nobody(flown, opened, tmp_path):
     check_legible(page, "wide")
 
 
+@pytest.mark.trial
 def test_a_server_that_stands_still_holds_nobody_up(flown, opened):
     flight = flown("--pace", "10", "--no-record")
     page = opened(flight.url)
