@@ -8,7 +8,6 @@ burns of fixed length reach the target without the free one, no law wastes what 
 """
 
 import argparse
-import math
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -22,7 +21,7 @@ from launchers import LAWS, flown, losses
 
 from ares_models.judge import End
 from ares_models.mission import Mission
-from ares_optimizer.solution import OptimizerError, Solution, Status
+from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_trials.random_vehicles import random_coasting_mission, random_mission
 
@@ -41,12 +40,6 @@ NOTHING_KG = 1.0
 MUCH = 0.3
 
 
-def last_burn_kg(found: Solution) -> float:
-    """Return the propellant of the last burn, kg; nan: there is no flight."""
-    last = found.arcs[-1] if found.flyable else None
-    return math.nan if last is None else last.start_mass_kg - last.end_mass_kg
-
-
 def row(kind: str, seed: int, laws: tuple[str, ...]) -> dict[str, Any]:
     """Solve one mission by every method, and fly what `auto` found."""
     mission = KINDS[kind](seed)
@@ -62,7 +55,7 @@ def row(kind: str, seed: int, laws: tuple[str, ...]) -> dict[str, Any]:
             "status": str(found.status),
             "reason": found.reason,
             "final_mass_kg": found.m_f_kg if found.flyable else None,
-            "last_burn_kg": last_burn_kg(found),
+            "last_burn_kg": found.last_burn_kg,
             "cpu_s": time.process_time() - began,
         }
     mass = result["auto"].get("final_mass_kg")

@@ -157,8 +157,7 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
 
 def _surplus(plan: "Solution") -> str:
     """Return the cause and a remedy if the burns before the last one reach the target; else ""."""
-    last = plan.arcs[-1]
-    if last.start_mass_kg - last.end_mass_kg > _SPARE_KG:
+    if plan.last_burn_kg > _SPARE_KG:
         return ""
     return (
         ": the burns of fixed length reach the target without the last one, and no law wastes "

@@ -5,6 +5,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ares_guidance.kernels.floor import lowest_altitude
 from ares_models.arrays import BURN, COAST, NAVIGATION, MissionArrays
@@ -103,12 +104,18 @@ def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[i
     )
     lifts: dict[int, float] = {}
     for k, length in lengths.items():
-        burns = np.flatnonzero(arcs["kind"][:k] == BURN)
-        if arcs["kind"][k] == COAST and length > LONG_COAST_S and len(burns):
-            lifts[int(burns[-1])] = 0.0
+        burn = _burn_before(arcs, k)
+        if arcs["kind"][k] == COAST and length > LONG_COAST_S and burn >= 0:
+            lifts[burn] = 0.0
     if trajectory.by_legs:
         lifts |= dict.fromkeys(_before_dips(trajectory, arrays), 0.0)
     return {k: lift for k, lift in (lifts | _lifts(trajectory, arrays)).items() if k in lengths}
+
+
+def _burn_before(arcs: NDArray[np.void], k: int) -> int:
+    """Return the last burn before an arc; -1: none."""
+    burns = np.flatnonzero(arcs["kind"][:k] == BURN)
+    return int(burns[-1]) if len(burns) else -1
 
 
 def _before_dips(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[int]:
@@ -123,12 +130,12 @@ def _before_dips(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list
         inside = (trajectory.sample_time > begin - SAME_TIME) & (
             trajectory.sample_time < end + SAME_TIME
         )
-        burns = np.flatnonzero(arcs["kind"][:k] == BURN)
-        if arcs["kind"][k] != BURN or not inside.any() or not len(burns):
+        burn = _burn_before(arcs, k)
+        if arcs["kind"][k] != BURN or not inside.any() or burn < 0:
             continue
         low = height[inside].min() + DIP
         if low < height[inside][0] and low < height[inside][-1]:
-            found.append(int(burns[-1]))
+            found.append(burn)
     return found
 
 
@@ -140,8 +147,8 @@ def _lifts(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, 
     start["arc"] = trajectory.flown_arc[0]
     lifts: dict[int, float] = {}
     for floor in floors_of(arrays, start):
-        burns = np.flatnonzero(arcs["kind"][: floor.arc] == BURN)
-        if arcs["kind"][floor.arc] != COAST or floor.arc not in lowest or not len(burns):
+        burn = _burn_before(arcs, floor.arc)
+        if arcs["kind"][floor.arc] != COAST or floor.arc not in lowest or burn < 0:
             continue
         above = [lowest[floor.arc] - floor.altitude_m]
         if math.isfinite(floor.perigee_m):
@@ -155,6 +162,5 @@ def _lifts(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, 
             above.append(orbit.perigee_radius - floor.perigee_m)
         for height in above:
             if abs(height) < FLOOR_M:
-                burn = int(burns[-1])
                 lifts[burn] = max(lifts.get(burn, 0.0), CLEARANCE - height)
     return lifts

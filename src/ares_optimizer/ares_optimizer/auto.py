@@ -257,8 +257,7 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
 
 def _rated(solution: Solution) -> Solution:
     """Set the status of a direct solution: optimal only if its last burn is negligible."""
-    propellant_kg = solution.arcs[-1].start_mass_kg - solution.arcs[-1].end_mass_kg
-    if propellant_kg < _NOTHING_KG:
-        return replace(solution, reason=next_to_nothing(propellant_kg))
+    if solution.last_burn_kg < _NOTHING_KG:
+        return replace(solution, reason=next_to_nothing(solution.last_burn_kg))
     reason = "linear-tangent steering; no other method proves it to be the best"
     return replace(solution, status=Status.FEASIBLE, reason=reason)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT, MISSION_TIME, MissionArrays, Record
+from ares_models.kernels.vectors import Vector
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds
 from ares_optimizer.solution import Check, ConstraintCheck, SteeringArc
@@ -56,6 +57,11 @@ def jettison_times(
     return tuple(times)
 
 
+def vector_of(x: Array) -> Vector:
+    """Convert an array of three numbers to a vector of the kernels."""
+    return (float(x[0]), float(x[1]), float(x[2]))
+
+
 def steering_arc(
     span: tuple[float, float],
     direction: Array,
@@ -75,19 +81,16 @@ def steering_arc(
         primer_rate: shape (3,), 1/s; None: not known.
     """
     begin, end = map(float, span)
-    x, y, z = map(float, direction)
-    rates = map(float, rate)
-    primer_rates = map(float, np.full(3, math.nan) if primer_rate is None else primer_rate)
     return SteeringArc(
         begin,
         end,
         begin,
-        (x, y, z),
-        (next(rates), next(rates), next(rates)),
+        vector_of(direction),
+        vector_of(rate),
         float(masses[0]),
         float(masses[1]),
         float(delta_v),
-        (next(primer_rates), next(primer_rates), next(primer_rates)),
+        vector_of(np.full(3, math.nan) if primer_rate is None else primer_rate),
     )
 
 

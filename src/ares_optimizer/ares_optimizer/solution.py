@@ -319,6 +319,12 @@ class Solution:
         return max(done) if done else math.nan
 
     @property
+    def last_burn_kg(self) -> float:
+        """Return the propellant of the last burn, kg; nan without a flight."""
+        last = self.arcs[-1] if self.arcs else None
+        return math.nan if last is None else last.start_mass_kg - last.end_mass_kg
+
+    @property
     def delta_v_m_s(self) -> float:
         """Return the ideal velocity of all burns, m/s; nan without a flight."""
         return sum(arc.delta_v_m_s for arc in self.arcs) if self.arcs else math.nan

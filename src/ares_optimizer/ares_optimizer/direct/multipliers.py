@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 
 from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import heating_rate, log_heating_gradient
-from ares_models.kernels.vectors import Vector
 from ares_optimizer.direct.kernels.evaluate import (
     evaluate_with_gradients,
     make_point,
@@ -41,6 +40,7 @@ from ares_optimizer.direct.kernels.sqp import (
 from ares_optimizer.direct.search import SearchResult, path_peaks
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.proof.flight import Direction, Piece, ProofFlight, Steering
+from ares_optimizer.results import vector_of
 from ares_optimizer.solution import Check, Costates
 from ares_optimizer.targets import target_rows
 
@@ -55,16 +55,12 @@ _PERIOD = 2.0  # of the samples, s
 CheckKey = tuple[Check, int | None]
 
 
-def _vector(x: Array) -> Vector:
-    return (float(x[0]), float(x[1]), float(x[2]))
-
-
 def terminal_costates(problem: Problem, nu: Array, r: Array, v: Array) -> Array:
     """Return the costates at the end of thrust, shape (6,): -d(objective)/d(state)."""
     c = np.empty(MAX_ROWS)
     rows = np.empty((MAX_ROWS, 6))
     count = terminal_rows(
-        problem.target[0], problem.environment[0]["mu"], _vector(r), _vector(v), c, rows
+        problem.target[0], problem.environment[0]["mu"], vector_of(r), vector_of(v), c, rows
     )
     return -np.asarray(nu[:count] @ rows[:count])
 
@@ -95,7 +91,7 @@ def heating_jumps(found: SearchResult) -> list[Jump]:
 def _heating_gradient(problem: Problem, y: Array) -> Array:
     """Return the gradient of log heating by position and velocity, shape (6,)."""
     _, by_position, by_velocity = log_heating_gradient(
-        _vector(y[:3]), _vector(y[3:6]), problem.environment[0], problem.atmosphere
+        vector_of(y[:3]), vector_of(y[3:6]), problem.environment[0], problem.atmosphere
     )
     return np.array([*by_position, *by_velocity])
 
@@ -116,7 +112,7 @@ def _integrate_back(
 
     def motion(t: float, x: Array) -> Array:
         y = piece.state(t)
-        _, first, second = gravity_gradient(_vector(y), environment)
+        _, first, second = gravity_gradient(vector_of(y), environment)
         gradient = np.array(
             [
                 [first[0], first[1], first[2]],
@@ -186,7 +182,10 @@ def recover_costates(
                 costate[:6] -= jump.multiplier * _heating_gradient(problem, y)
                 if jump.drop >= 0:
                     pi[jump.drop] = -jump.multiplier / heating_rate(
-                        _vector(y[:3]), _vector(y[3:6]), arrays.environment[0], arrays.atmosphere
+                        vector_of(y[:3]),
+                        vector_of(y[3:6]),
+                        arrays.environment[0],
+                        arrays.atmosphere,
                     )
         direction = steering(begin, end)
         grid, samples = _integrate_back(arrays, piece, direction, costate)
@@ -195,7 +194,7 @@ def recover_costates(
         for i, (t, x) in enumerate(zip(grid, samples, strict=True)):
             y = state(t)
             thrust, flow = engine(t, y[6])
-            g, _, _ = gravity_gradient(_vector(y), environment)
+            g, _, _ = gravity_gradient(vector_of(y), environment)
             along = float(x[3:6] @ direction(t))
             plain[i] = x[:3] @ y[3:6] + x[3:6] @ np.array(g) + along * thrust / y[6]
             whole[i] = plain[i] - x[6] * flow
@@ -230,8 +229,8 @@ def limit_sensitivities(found: SearchResult, flight: ProofFlight) -> dict[CheckK
     problem = found.transcription.problem
     target = problem.target.copy()
     mu = float(problem.environment[0]["mu"])
-    r = _vector(flight.final[:3])
-    v = _vector(flight.final[3:6])
+    r = vector_of(flight.final[:3])
+    v = vector_of(flight.final[3:6])
     per_time = found.transcription.flow_kg_s * TIME_SCALE
 
     def lagrangian() -> float:
