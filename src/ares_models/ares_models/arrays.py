@@ -17,6 +17,8 @@ Record = Any
 MAX_ARCS = 24
 MAX_JETTISONS = 8
 MAX_KNOTS = 64
+#: Largest number of knots of a drag table.
+MAX_DRAG_KNOTS = 32
 #: Largest number of protected areas, and of corners of one.
 MAX_AREAS = 12
 MAX_VERTICES = 24
@@ -124,6 +126,16 @@ ARC = np.dtype(
         ("min_perigee_radius", np.float64),  # m, of a coast's orbit; 0: no bound
         ("orbit", TARGET),  # of a coast, as far as its elements are named
         ("held", np.int64),  # 1: the direction at ignition is held
+        ("vertical", np.int64),  # 1: the thrust is along the local vertical
+        # flight in the air: drag, and ambient pressure on the nozzles
+        ("drag_area", np.float64),  # m2, reference area; 0: no drag
+        ("drag_knots", np.int64),  # of the drag coefficient over Mach, constant beyond both ends
+        ("drag_mach", np.float64, (MAX_DRAG_KNOTS,)),
+        # c0..c3 of the cubic in the Mach number above each knot
+        ("drag_cubic", np.float64, (MAX_DRAG_KNOTS, 4)),
+        ("exit_area", np.float64),  # m2, of all nozzles that burn; 0: vacuum thrust everywhere
+        ("max_dynamic_pressure", np.float64),  # Pa; inf: no limit
+        ("max_q_alpha", np.float64),  # Pa rad, of q sin(angle of attack); inf: no limit
         ("max_acceleration", np.float64),  # m/s2, limit by the throttle; inf: not throttled
         ("min_throttle", np.float64),  # fraction of full thrust
         ("begins_stage", np.int64),  # 1: the mass is reset to stack_mass when the arc begins
@@ -209,8 +221,9 @@ class MissionArrays(NamedTuple):
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
-        atmosphere: shape (n, 5): altitude m, then the coefficients c0..c3 of
-            log density = c0 + c1 x + c2 x^2 + c3 x^3 with x = h - altitude.
+        atmosphere: shape (n, 9): altitude m, then the coefficients c0..c3 of
+            log density = c0 + c1 x + c2 x^2 + c3 x^3 with x = h - altitude, then those of the
+            log pressure.
         arcs: shape (n,), dtype ARC, in flight order.
         jettisons: shape (n,), dtype JETTISON, in the order of the file; at most 8.
         target: shape (1,), dtype TARGET.
@@ -234,7 +247,7 @@ class MissionRecords(NamedTuple):
 
     Attributes:
         environment: record ENVIRONMENT.
-        atmosphere: shape (n, 5), as in :class:`MissionArrays`.
+        atmosphere: shape (n, 9), as in :class:`MissionArrays`.
         arcs: dtype ARC.
         jettisons: dtype JETTISON.
         target: record TARGET.

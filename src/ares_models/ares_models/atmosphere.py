@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Atmosphere models with one interface: a table of cubics in log density.
+"""Atmosphere models with one interface: a table of cubics in log density and log pressure.
 
-Every model ends as the same table, shape (n, 5): altitude in m and the coefficients
-c0..c3 of log(density in kg/m3) in the height above it. Value and slope are continuous, as the
-optimizer needs to differentiate the density. The last row has value and slope only; the table
-continues linearly in log density beyond both ends.
+Every model ends as the same table, shape (n, 9): altitude in m and the coefficients
+c0..c3 of log(density in kg/m3) in the height above it, then those of log(pressure in Pa). Value and
+slope are continuous, as the optimizer needs to differentiate them. The last row has values and
+slopes only; the table continues linearly in both logarithms beyond both ends. The pressure is the
+weight of the air above (:func:`with_pressure`).
 
 Where a source has a kink (a layer boundary), it is rounded over ``BLEND`` metres to each
 side by the cubic that meets both sides in value and slope.
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ares_models.kernels import environment as kernels
+from ares_models.splines import hermite_table, monotone_slopes, spline_slopes
 
 Array = NDArray[np.float64]
 
@@ -35,8 +37,10 @@ BLEND = 100.0
 EXPONENTIAL_BLEND = 250.0
 
 
-#: Logarithm of a density that underflows to 0.
+#: Logarithm of a density and a pressure that underflow to 0.
 _NO_AIR = -1e3
+#: Surface gravity, m/s2, and radius, m, of the Earth, for the weight of the air.
+_EARTH = (9.80665, 6356.766e3)
 
 
 class AtmosphereError(ValueError):
@@ -49,7 +53,7 @@ class Atmosphere:
 
     Attributes:
         model: name of the model.
-        table: shape (n, 5), see the module text.
+        table: shape (n, 9), see the module text.
     """
 
     model: str
@@ -77,61 +81,7 @@ def _pchip(altitude: ArrayLike, density: ArrayLike) -> _Piece:
     """Interpolate a layer through at least three data by the monotone cubic."""
     h = np.asarray(altitude, dtype=np.float64)
     value = np.log(np.asarray(density, dtype=np.float64))
-    return _Piece(h, value, _monotone_slopes(h, value))
-
-
-# SciPy has both splines, but its import takes longer than all other imports of a flight
-
-
-def _monotone_slopes(x: Array, y: Array) -> Array:
-    """Compute the slopes of the monotone cubic of Fritsch and Butland (1984).
-
-    Args:
-        x: increasing, shape (n,), n at least 3.
-        y: shape (..., n).
-    """
-    width = np.diff(x)
-    chord = np.diff(y) / width
-    before, after = chord[..., :-1], chord[..., 1:]
-    # weighted harmonic mean, the nearer chord with the larger weight; 0 at a turning point
-    one, other = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
-    same = before * after > 0.0
-    reciprocal = np.divide(one, before, out=np.zeros_like(before), where=same)
-    reciprocal += np.divide(other, after, out=np.zeros_like(before), where=same)
-    slope = np.zeros_like(y)
-    np.divide(one + other, reciprocal, out=slope[..., 1:-1], where=same)
-    for end, near, far in ((0, 0, 1), (-1, -1, -2)):
-        first, second = chord[..., near], chord[..., far]
-        # slope of the parabola through three points, limited to the sign of the data
-        both = width[near] + width[far]
-        steep = np.asarray(((width[near] + both) * first - width[near] * second) / both)
-        steep[steep * first <= 0.0] = 0.0
-        overshoots = (first * second < 0.0) & (np.abs(steep) > 3.0 * np.abs(first))
-        slope[..., end] = np.where(overshoots, 3.0 * first, steep)
-    return slope
-
-
-def _spline_slopes(x: Array, y: Array) -> Array:
-    """Compute the slopes of the not-a-knot cubic spline (de Boor, ch. IV).
-
-    Args:
-        x: increasing, shape (n,), n at least 4.
-        y: shape (n,).
-    """
-    width = np.diff(x)
-    chord = np.diff(y) / width
-    matrix = np.zeros((x.size, x.size))
-    right = np.zeros(x.size)
-    for k in range(1, x.size - 1):
-        before, after = width[k - 1], width[k]
-        matrix[k, k - 1 : k + 2] = after, 2.0 * (before + after), before
-        right[k] = 3.0 * (after * chord[k - 1] + before * chord[k])
-    for row, near, far in ((0, 0, 1), (-1, -1, -2)):
-        both = width[near] + width[far]
-        matrix[row, near], matrix[row, far] = width[far], both
-        right[row] = (width[near] + 2.0 * both) * width[far] * chord[near]
-        right[row] = (right[row] + width[near] ** 2 * chord[far]) / both
-    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    return _Piece(h, value, monotone_slopes(h, value))
 
 
 def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
@@ -142,30 +92,32 @@ def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
     return _Piece(h, value, np.array([slope, slope]))
 
 
-def hermite_table(altitude: ArrayLike, log_density: ArrayLike, slope: ArrayLike) -> Array:
-    """Build the table of cubics through nodes with given slopes, for one or several profiles.
+def with_pressure(table: Array, gravity: tuple[float, float] = _EARTH) -> Array:
+    """Add the columns of the pressure to a table of the density: the weight of the air above.
 
     Args:
-        altitude: increasing, m, shape (n,).
-        log_density: log of kg/m3, shape (..., n).
-        slope: 1/m, shape (..., n).
+        table: shape (..., n, 5), of :func:`hermite_table`.
+        gravity: at the surface, m/s2, and the radius there, m.
 
     Returns:
-        Shape (..., n, 5).
+        Shape (..., n, 9).
     """
-    h = np.asarray(altitude, dtype=np.float64)
-    y = np.asarray(log_density, dtype=np.float64)
-    s = np.asarray(slope, dtype=np.float64)
-    table = np.zeros((*y.shape, 5))
-    table[..., 0] = h
-    table[..., 1] = y
-    table[..., 2] = s
-    width = np.diff(h)
-    chord = np.diff(y) / width
-    start, end = s[..., :-1], s[..., 1:]
-    table[..., :-1, 3] = (3.0 * chord - 2.0 * start - end) / width
-    table[..., :-1, 4] = (start + end - 2.0 * chord) / width**2
-    return table
+    surface, radius = gravity
+    h = table[..., 0]
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    width = np.diff(h, axis=-1)[..., None]
+    x = 0.5 * width * (1.0 + nodes)
+    c = [table[..., :-1, k, None] for k in range(1, 5)]
+    density = np.exp(c[0] + x * (c[1] + x * (c[2] + x * c[3])))
+    fall = surface * (radius / (radius + h[..., :-1, None] + x)) ** 2
+    between = (0.5 * width * weights * density * fall).sum(axis=-1)
+    here = np.exp(table[..., 1]) * surface * (radius / (radius + h)) ** 2
+    # an isothermal layer above the table
+    top = here[..., -1:] / -table[..., -1:, 2]
+    pressure = np.concatenate((np.cumsum(between[..., ::-1], axis=-1)[..., ::-1], 0.0 * top), -1)
+    pressure = pressure + top
+    columns = hermite_table(h.reshape(-1, h.shape[-1])[0], np.log(pressure), -here / pressure)
+    return np.concatenate((table, columns[..., 1:]), axis=-1)
 
 
 def _trimmed(piece: _Piece, low: float, high: float) -> _Piece:
@@ -191,10 +143,12 @@ def _join(pieces: Sequence[_Piece], blend: float) -> Array:
             start = float(piece.altitude[0])
             high -= min(blend, 0.25 * (high - start), 0.25 * np.ptp(pieces[k + 1].altitude))
         trimmed.append(_trimmed(piece, low, high))
-    return hermite_table(
-        np.concatenate([piece.altitude for piece in trimmed]),
-        np.concatenate([piece.value for piece in trimmed]),
-        np.concatenate([piece.slope for piece in trimmed]),
+    return with_pressure(
+        hermite_table(
+            np.concatenate([piece.altitude for piece in trimmed]),
+            np.concatenate([piece.value for piece in trimmed]),
+            np.concatenate([piece.slope for piece in trimmed]),
+        )
     )
 
 
@@ -243,7 +197,7 @@ def pra63() -> Atmosphere:
     km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
     bases = np.isin(km, _REFERENCE_KM)
     h, value = 1e3 * km[bases], np.log(density[bases])
-    spline = _Piece(h, value, _spline_slopes(h, value))
+    spline = _Piece(h, value, spline_slopes(h, value))
     pieces = [*_pra63_to(float(density[bases][0])), spline, *_us62_from(_REFERENCE_KM[-1])]
     return Atmosphere("pra63", _join(pieces, BLEND))
 
@@ -547,7 +501,7 @@ def nrlmsis_tables(
     Args: as in :func:`nrlmsis`; epochs (UTC) and indices have shape (n,), altitudes (m,).
 
     Returns:
-        shape (n, m, 5).
+        shape (n, m, 9).
 
     Raises:
         AtmosphereError: the package ``pymsis`` is not installed, or has no density for these
@@ -577,12 +531,26 @@ def nrlmsis_tables(
             f"and ap {ap[k]:g}; expected a flux of the day nearer to its mean"
         )
     piece = _pchip(1e3 * altitude_km, density)
-    return hermite_table(piece.altitude, piece.value, piece.slope)
+    return with_pressure(hermite_table(piece.altitude, piece.value, piece.slope))
 
 
 def no_air() -> Atmosphere:
     """Build a vacuum: a log density so low that density and heating are 0."""
-    return Atmosphere("none", np.array([[0.0, _NO_AIR, 0.0, 0.0, 0.0]]))
+    row = [_NO_AIR, 0.0, 0.0, 0.0]
+    return Atmosphere("none", np.array([[0.0, *row, *row]]))
+
+
+def exponential(density: float, scale_height: float, gravity: float) -> Atmosphere:
+    """Build an isothermal atmosphere: rho = density exp(-h / scale_height).
+
+    Args:
+        density: at altitude 0, kg/m3.
+        scale_height: m.
+        gravity: at the surface, m/s2; the pressure is rho g scale_height.
+    """
+    fall = [-1.0 / scale_height, 0.0, 0.0]
+    pressure = math.log(density * gravity * scale_height)
+    return Atmosphere("exponential", np.array([[0.0, math.log(density), *fall, pressure, *fall]]))
 
 
 #: Models without parameters.

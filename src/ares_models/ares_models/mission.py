@@ -19,7 +19,13 @@ from pydantic import Field, ValidationError, model_validator
 from ares_models import arrays as layout
 from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
-from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
+from ares_models.atmosphere import (
+    FIXED_MODELS,
+    Atmosphere,
+    AtmosphereError,
+    exponential,
+    nrlmsis,
+)
 from ares_models.earth import Earth
 from ares_models.input_file import (
     InputError,
@@ -35,7 +41,14 @@ from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_keys import Load, Moment, Part, Text, not_there
 from ares_models.mission_masses import ignition_mass
-from ares_models.mission_parts import AbortPart, EnvironmentPart, HeatingLimitHolds, Jettison, Stage
+from ares_models.mission_parts import (
+    AbortPart,
+    AerodynamicsPart,
+    EnvironmentPart,
+    HeatingLimitHolds,
+    Jettison,
+    Stage,
+)
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_start import InitialState
 from ares_models.mission_target import (
@@ -48,6 +61,7 @@ from ares_models.mission_target import (
 )
 from ares_models.plans import needs_plan
 from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
+from ares_models.splines import hermite_table, monotone_slopes
 
 __all__ = [
     "MISSION",
@@ -129,7 +143,10 @@ class Mission(Part):
         description="date and time of mission time 0, ISO 8601; UTC if no zone is given",
     )
     environment: EnvironmentPart = Field(description="body, gravity, atmosphere")
-    initial_state: InitialState = Field(description="where the flight begins, in one of five forms")
+    initial_state: InitialState = Field(description="where the flight begins, in one of six forms")
+    aerodynamics: AerodynamicsPart | None = Field(
+        default=None, exclude_if=not_there, description="drag of all stages without their own"
+    )
     stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)] = Field(
         description="in flight order"
     )
@@ -156,14 +173,17 @@ class Mission(Part):
     def arc_names(self) -> tuple[str, ...]:
         """Return one name per arc in flight order: its own, or the stage's.
 
-        A burn that loses engines is two arcs, before and after the loss.
+        A burn that rises vertically, or loses engines, is two arcs, before and after.
         """
         names = []
         for stage in self.stages:
             for arc in stage.flight_arcs:
-                names.append(arc.name or stage.name)
+                name = arc.name or stage.name
+                if isinstance(arc, BurnArc) and arc.vertical_rise_s is not None:
+                    names.append(f"{name}, vertical rise")
+                names.append(name)
                 if isinstance(arc, BurnArc) and arc.engine_out:
-                    names.append(f"{names[-1]}, engine out")
+                    names.append(f"{name}, engine out")
         return tuple(names)
 
     @property
@@ -283,6 +303,9 @@ class Mission(Part):
             MissionError: a package that the model needs is missing.
         """
         part = self.environment.atmosphere
+        if part.surface_density_kg_m3 is not None and part.scale_height_m is not None:
+            surface = self.environment.mu_m3_s2 / self.environment.earth.equatorial_radius_m**2
+            return exponential(part.surface_density_kg_m3, part.scale_height_m, surface)
         if part.model != "nrlmsis":
             return FIXED_MODELS[part.model]()
         indices = (part.latitude_deg, part.longitude_deg, part.f107, part.f107a, part.ap)
@@ -369,13 +392,34 @@ class Mission(Part):
                 row["exhaust_velocity"] = 1.0
                 row["kind"] = layout.COAST
                 rows.append(row)
+                self._write_air(stage, row)
                 if isinstance(arc, CoastArc):
                     self._write_coast(arc, row)
                 if isinstance(arc, BurnArc):
                     self._write_burn(arc, row)
+                    if arc.vertical_rise_s is not None:
+                        rows.append(_rise_vertically(row, arc.vertical_rise_s))
                     if arc.engine_out:
                         rows.append(_lose_engines(row, arc.engine_out, foreseen))
         return np.concatenate(rows)
+
+    def _write_air(self, stage: Stage, row: NDArray[np.void]) -> None:
+        row["max_dynamic_pressure"] = stage.max_dynamic_pressure_pa or math.inf
+        row["max_q_alpha"] = stage.max_q_alpha_pa_rad or math.inf
+        drag = stage.aerodynamics or self.aerodynamics
+        if drag is None:
+            return
+        mach, coefficient = np.array(drag.drag_table).T
+        knots = len(mach)
+        slopes = np.zeros(knots)
+        if knots > 2:
+            slopes = monotone_slopes(mach, coefficient)
+        elif knots > 1:
+            slopes[:] = np.diff(coefficient) / np.diff(mach)
+        row["drag_area"] = drag.reference_area_m2
+        row["drag_knots"] = knots
+        row["drag_mach"][0, :knots] = mach
+        row["drag_cubic"][0, :knots] = hermite_table(mach, coefficient, slopes)[:, 1:]
 
     def _write_coast(self, arc: CoastArc, row: NDArray[np.void]) -> None:
         if arc.min_perigee_altitude_m is not None:
@@ -393,6 +437,7 @@ class Mission(Part):
         row["mass_flow"] = arc.mass_flow(g0)
         row["engines"] = arc.engines
         row["held"] = int(arc.attitude == "held")
+        row["exit_area"] = arc.exit_area_m2 or 0.0
         row["max_acceleration"] = arc.max_acceleration_m_s2 or math.inf
         row["min_throttle"] = arc.least_throttle
         for key, curve in (("start", arc.start), ("tail", arc.tail_off)):
@@ -434,12 +479,26 @@ class Mission(Part):
         return records
 
 
+def _rise_vertically(before: NDArray[np.void], rise_s: float) -> NDArray[np.void]:
+    """Build the arc after a vertical rise, and shorten the burn before it to the rise."""
+    after = before.copy()
+    after["begins_stage"] = 0
+    after["duration"] -= rise_s
+    before["vertical"] = 1
+    before["duration"] = before["shortest"] = before["longest"] = rise_s
+    after["shortest"] = after["longest"] = after["duration"]
+    for name in ("tail_knots", "tail_gain"):
+        before[name] = 0
+    return after
+
+
 def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) -> NDArray[np.void]:
     """Build the arc after an engine failure and, unless foreseen, shorten the burn before it."""
     after = before.copy()
     after["begins_stage"] = 0
     after["thrust"] *= failure.left
     after["mass_flow"] *= failure.left
+    after["exit_area"] *= failure.left
     after["engines"] = failure.engines - failure.lost
     for name in ("start_knots", "start_loss"):
         after[name] = 0
@@ -527,6 +586,7 @@ _MODELS: dict[str, type[Part]] = {
     "environment": parts.EnvironmentPart,
     "earth": parts.EarthPart,
     "atmosphere": parts.AtmospherePart,
+    "aerodynamics": parts.AerodynamicsPart,
     "stages": parts.Stage,
     "jettisons": parts.Jettison,
     "engine_out": EngineOut,

@@ -19,6 +19,7 @@ from ares_models.mission_keys import (
     MIN_TIME_S,
     Acceleration,
     Altitude,
+    Area,
     Curve,
     Delay,
     Duration,
@@ -143,7 +144,7 @@ def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | N
 #: Keys of a burn that a thrust table excludes.
 _NO_TABLE = (
     *("thrust_n", "burn_time_s", "min_s", "max_s", "max_acceleration_m_s2", "min_throttle"),
-    *("start", "tail_off", "engine_out"),
+    *("start", "tail_off", "engine_out", "vertical_rise_s"),
 )
 #: Required keys of a burn, in one of these forms.
 BURN_FORMS = (
@@ -186,6 +187,17 @@ class BurnArc(Part):
     min_altitude_m: FloorAltitude | None = Field(
         default=None, exclude_if=not_there, description="least altitude, all along it"
     )
+    exit_area_m2: Area | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="of all nozzles together: thrust is that in vacuum less ambient pressure "
+        "times this",
+    )
+    vertical_rise_s: Duration | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="at ignition the thrust is along the vertical for so long",
+    )
     attitude: Literal["guided", "held"] = Field(
         default="guided", description="held: the direction at ignition is kept; not for a free burn"
     )
@@ -225,12 +237,28 @@ class BurnArc(Part):
         if self.mass_flow_table is not None:
             flow = list(self.mass_flow_table)
             fail(("mass_flow_table",), flow, "no such key without thrust_table")
+        self._check_vertical()
         for key in BURN_FORMS[0]:
             if getattr(self, key) is None:
                 fail((key,), None, f"a number{unit_of(key)}{instead}")
         check_bounds("burn_time_s", self.burn_time_s, self.min_s, self.max_s)
         self._check_throttle()
         self._check_curves()
+
+    def _check_vertical(self) -> None:
+        """Report a vertical rise that is not the first part of a burn of known, full thrust."""
+        rise = self.vertical_rise_s
+        if rise is None:
+            return
+        for key in ("start", "engine_out", "max_acceleration_m_s2"):
+            if getattr(self, key) is not None:
+                fail((key,), getattr(self, key), "no such key beside vertical_rise_s")
+        if self.attitude == "held":
+            fail(("attitude",), "held", "guided, beside vertical_rise_s")
+        if self.free:
+            fail(("vertical_rise_s",), rise, "no such key beside burn_time_s: free")
+        if rise >= self.duration_s:
+            fail(("vertical_rise_s",), rise, f"less than the burn, {self.duration_s:g} s")
 
     def _check_table(self, thrust: tuple[tuple[float, float], ...]) -> None:
         """Report keys that contradict a thrust table, and errors in the tables."""

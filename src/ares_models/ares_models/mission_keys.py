@@ -17,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ares_models.arrays import MAX_KNOTS, MAX_VERTICES
+from ares_models.arrays import MAX_DRAG_KNOTS, MAX_KNOTS, MAX_VERTICES
 from ares_models.ranges import Range
 
 
@@ -88,16 +88,22 @@ SafeAltitude = Annotated[float, Range(0.0, 1e8)]
 AreaRadius = Annotated[float, Range(1e3, 1e7)]
 EngineCount = Annotated[int, Range(1, 100)]
 HeatingRate = Annotated[float, Range(1e-6, 1e12)]
+Area = Annotated[float, Range(1e-6, 1e6)]
+Pressure = Annotated[float, Range(1.0, 1e9)]
+SurfaceDensity = Annotated[float, Range(1e-12, 1e3)]
+ScaleHeight = Annotated[float, Range(100.0, 1e6)]
 
 Name = Annotated[str, Field(strict=True, min_length=1, max_length=80), AfterValidator(_printable)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Knot = tuple[KnotTime, Fraction]
 ThrustKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e10)]]
 FlowKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e9)]]
+DragKnot = tuple[Annotated[float, Range(0.0, 1e3)], Annotated[float, Range(0.0, 100.0)]]
 Vertex = tuple[Latitude, Turn]
 Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
 Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 ThrustTable = Annotated[tuple[ThrustKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+DragTable = Annotated[tuple[DragKnot, ...], Field(min_length=1, max_length=MAX_DRAG_KNOTS)]
 FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 
 

@@ -13,11 +13,13 @@ from ares_models.arrays import MAX_ARCS, MAX_AREAS
 from ares_models.mission_arcs import BURN_FORMS, Arc, BurnArc, CoastArc, EngineOut
 from ares_models.mission_keys import (
     Acceleration,
+    Area,
     AreaRadius,
     BodyRadius,
     Curve,
     Delay,
     DensityFactor,
+    DragTable,
     Duration,
     EngineCount,
     FloorAltitude,
@@ -34,11 +36,14 @@ from ares_models.mission_keys import (
     Name,
     Oblateness,
     Part,
+    Pressure,
     RotationRate,
     SafeAltitude,
+    ScaleHeight,
     SolarFlux,
     SpecificImpulse,
     StandardGravity,
+    SurfaceDensity,
     Thrust,
     ThrustTable,
     Turn,
@@ -72,14 +77,21 @@ class EarthPart(Part):
         return self
 
 
-_INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
+#: Keys that one model needs and the others exclude.
+_OWN_KEYS = {
+    "nrlmsis": ("f107", "f107a", "ap", "latitude_deg", "longitude_deg"),
+    "exponential": ("surface_density_kg_m3", "scale_height_m"),
+}
 
 
 class AtmospherePart(Part):
-    """Select the atmosphere model; only nrlmsis has indices."""
+    """Select the atmosphere model; only nrlmsis and exponential have keys of their own."""
 
-    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis", "none"] = Field(
-        description="which atmosphere; nrlmsis takes place, day and activity from the keys below"
+    model: Literal[
+        "pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis", "exponential", "none"
+    ] = Field(
+        description="which atmosphere; nrlmsis takes place, day and activity from the keys below, "
+        "exponential density and scale height"
     )
     density_factor: DensityFactor = Field(default=1.0, description="multiplies every density")
     f107: SolarFlux | None = Field(
@@ -89,15 +101,24 @@ class AtmospherePart(Part):
     ap: GeomagneticIndex | None = Field(default=None, description="geomagnetic index, for nrlmsis")
     latitude_deg: Latitude | None = Field(default=None, description="place, for nrlmsis")
     longitude_deg: Turn | None = Field(default=None, description="place, for nrlmsis")
+    surface_density_kg_m3: SurfaceDensity | None = Field(
+        default=None, exclude_if=not_there, description="at altitude 0, for exponential"
+    )
+    scale_height_m: ScaleHeight | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="climb over which density falls by e, for exponential",
+    )
 
     @model_validator(mode="after")
-    def _indices(self) -> "AtmospherePart":
-        for key in _INDICES:
-            value = getattr(self, key)
-            if self.model == "nrlmsis" and value is None:
-                fail((key,), None, "a number, because model is nrlmsis")
-            if self.model != "nrlmsis" and value is not None:
-                fail((key,), value, f"no such key, because model is {self.model}")
+    def _own_keys(self) -> "AtmospherePart":
+        for model, keys in _OWN_KEYS.items():
+            for key in keys:
+                value = getattr(self, key)
+                if self.model == model and value is None:
+                    fail((key,), None, f"a number, because model is {model}")
+                if self.model != model and value is not None:
+                    fail((key,), value, f"no such key, because model is {self.model}")
         if self.model == "none" and "density_factor" in self.model_fields_set:
             fail(("density_factor",), self.density_factor, "no such key, because model is none")
         return self
@@ -116,8 +137,27 @@ class EnvironmentPart(Part):
         default="ellipsoid", description="above the ellipsoid, or r minus equatorial radius"
     )
     atmosphere: AtmospherePart = Field(
-        description="for the heating that a fairing waits for; no drag"
+        description="for the heating that a fairing waits for, and the forces of the air"
     )
+
+
+class AerodynamicsPart(Part):
+    """Hold the drag of a vehicle."""
+
+    reference_area_m2: Area = Field(description="of the drag coefficient")
+    drag_table: DragTable = Field(
+        description="drag coefficient, knots [Mach number, coefficient]; monotone between them, "
+        "constant beyond both ends"
+    )
+
+    @model_validator(mode="after")
+    def _rising(self) -> "AerodynamicsPart":
+        for k in range(1, len(self.drag_table)):
+            before, now = self.drag_table[k - 1][0], self.drag_table[k][0]
+            if not now > before:
+                knot = list(self.drag_table[k])
+                fail(("drag_table", k), knot, f"a Mach number greater than {before:g}")
+        return self
 
 
 _CIRCLE = ("latitude_deg", "longitude_deg", "radius_m")
@@ -206,6 +246,19 @@ class Stage(Part):
         description="burns and coasts in order",
         json_schema_extra={"maxItems": MAX_ARCS},
     )
+    aerodynamics: AerodynamicsPart | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="of the vehicle while this stage is the lowest; default: that of the mission",
+    )
+    max_dynamic_pressure_pa: Pressure | None = Field(
+        default=None, exclude_if=not_there, description="greatest 0.5 rho V^2 of the stage"
+    )
+    max_q_alpha_pa_rad: Pressure | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="greatest dynamic pressure times sine of the angle of attack of the stage",
+    )
     thrust_n: Thrust | None = _of_burn("thrust_n", None)
     isp_s: SpecificImpulse | None = _of_burn("isp_s", None)
     engines: EngineCount = _of_burn("engines", 1)
@@ -215,6 +268,8 @@ class Stage(Part):
     min_s: Delay | None = _of_burn("min_s", None)
     max_s: Duration | None = _of_burn("max_s", None)
     min_altitude_m: FloorAltitude | None = _of_burn("min_altitude_m", None)
+    exit_area_m2: Area | None = _of_burn("exit_area_m2", None)
+    vertical_rise_s: Duration | None = _of_burn("vertical_rise_s", None)
     attitude: Literal["guided", "held"] = _of_burn("attitude", "guided")
     max_acceleration_m_s2: Acceleration | None = _of_burn("max_acceleration_m_s2", None)
     min_throttle: Fraction | None = _of_burn("min_throttle", None)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Initial state of a mission: its five forms, their checks and their conversion.
+"""Initial state of a mission: its six forms, their checks and their conversion.
 
-Three forms are inertial, two are relative to the rotating body.
+Three forms are inertial, three are relative to the rotating body.
 """
 
 import math
@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 
 #: Largest initial radius, in equatorial radii.
 MAX_INITIAL_RADII = 10.0
+#: Depth below the surface at which a vehicle at rest still stands on it, m: rounding.
+_ROUNDING_M = 1e-3
 #: Least perigee radius of an initial state by elements, m.
 LEAST_PERIGEE_M = 1.0
 
@@ -54,11 +56,13 @@ class InitialStatePart(Part):
         PLACE: key to name in an error of the position.
         MOTION: key to name in an error of the velocity.
         ON_GROUND: the form is relative to the rotating body.
+        AT_REST: it is at rest on the ground.
     """
 
     PLACE: ClassVar[str]
     MOTION: ClassVar[str]
     ON_GROUND: ClassVar[bool] = False
+    AT_REST: ClassVar[bool] = False
 
     time_s: MissionTime = Field(description="mission elapsed time")
 
@@ -142,6 +146,26 @@ class StateElements(InitialStatePart):
         ).state(mu)
 
 
+class StateOnPad(InitialStatePart):
+    """Hold an initial state at rest on the ground."""
+
+    PLACE = "altitude_m"
+    MOTION = "geodetic_latitude_deg"
+    ON_GROUND = True
+    AT_REST = True
+
+    geodetic_latitude_deg: Latitude = Field(description="of the normal of the ellipsoid")
+    longitude_deg: Turn = Field(description="from longitude zero, positive to the east")
+    altitude_m: StartAltitude = Field(description="above the ellipsoid")
+
+    def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
+        """Return position (m) and velocity (m/s), each shape (3,): that of the turning ground."""
+        place = earth_fixed_place(
+            self.geodetic_latitude_deg, self.longitude_deg, self.altitude_m, earth
+        )
+        return inertial_state(self.time_s, place, np.zeros(3), earth)
+
+
 class StateOverGround(InitialStatePart):
     """Hold an initial state as a geodetic place and a velocity over the ground."""
 
@@ -192,6 +216,7 @@ FORMS: dict[str, type[InitialStatePart]] = {
     "<vectors>": StateVectors,
     "<angles>": StateAngles,
     "<elements>": StateElements,
+    "<pad>": StateOnPad,
     "<over ground>": StateOverGround,
     "<earth-fixed>": StateEarthFixed,
 }
@@ -200,6 +225,7 @@ InitialState = Annotated[
     Annotated[StateVectors, Tag("<vectors>")]
     | Annotated[StateAngles, Tag("<angles>")]
     | Annotated[StateElements, Tag("<elements>")]
+    | Annotated[StateOnPad, Tag("<pad>")]
     | Annotated[StateOverGround, Tag("<over ground>")]
     | Annotated[StateEarthFixed, Tag("<earth-fixed>")],
     Discriminator(
@@ -233,6 +259,8 @@ def check_initial_state(mission: "Mission") -> None:
     if mission.environment.altitude == "ellipsoid" and radius > 0.0:
         latitude, _ = earth.latitude_longitude(start.position, 0.0)
         surface = earth.surface_radius(latitude)
+    if form.AT_REST:
+        surface -= _ROUNDING_M
     if not surface < radius < farthest:
         fail(
             ("initial_state", form.PLACE),

@@ -28,14 +28,29 @@ def coasts_long(arcs: NDArray[np.void]) -> bool:
     return bool((np.isfinite(lengths) & (lengths > LONG_COAST_S)).any())
 
 
+def flies_in_air(arcs: NDArray[np.void]) -> bool:
+    """Return whether forces of the air or a vertical rise are part of a flight.
+
+    Args:
+        arcs: dtype ARC.
+    """
+    forces = (arcs["drag_area"] > 0.0) | (arcs["exit_area"] > 0.0) | (arcs["vertical"] == 1)
+    return bool(forces.any())
+
+
 def needs_plan(arcs: NDArray[np.void], target: np.void) -> bool:
     """Return whether a mission cannot be flown without a plan.
 
-    A plan fixes the ends of free arcs before the last, the end of a burn before a long coast, and
-    the place of insertion on the target orbit if that is free.
+    A plan fixes the ends of free arcs before the last, the end of a burn before a long coast, the
+    place of insertion on the target orbit if that is free, and the programme of flight in the air.
 
     Args:
         arcs: dtype ARC.
         target: record TARGET.
     """
-    return leaves_arcs_free(arcs) or coasts_long(arcs) or leaves_end_free(target)
+    return (
+        leaves_arcs_free(arcs)
+        or coasts_long(arcs)
+        or leaves_end_free(target)
+        or flies_in_air(arcs)
+    )

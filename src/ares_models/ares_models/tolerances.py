@@ -17,6 +17,8 @@ ORIENTATION_DEG = 1e-2
 #: Constraint violations of an optimum in its proof by another integrator.
 HEATING_W_M2 = 0.2
 PROPELLANT_KG = 0.1
+#: The same of dynamic pressure and q alpha, relative to the limit.
+PRESSURE_SHARE = 1e-3
 #: Tolerated depth below the floor of an arc.
 FLOOR_M = 10.0
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from ares_models.atmosphere import _monotone_slopes, _spline_slopes
+from ares_models.splines import monotone_slopes, spline_slopes
 
 steps = st.floats(0.1, 2.0)
 # whole numbers: some neighbours are equal, some points are turning points
@@ -25,17 +25,17 @@ def data(draw, least):
 def test_the_monotone_slopes_are_those_of_scipy(points):
     x, y = points
     expected = PchipInterpolator(x, y).derivative()(x)
-    assert _monotone_slopes(x, y) == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert monotone_slopes(x, y) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @given(data(4))
 def test_the_slopes_of_the_spline_are_those_of_scipy(points):
     x, y = points
-    assert _spline_slopes(x, y) == pytest.approx(CubicSpline(x, y)(x, 1), rel=1e-10, abs=1e-10)
+    assert spline_slopes(x, y) == pytest.approx(CubicSpline(x, y)(x, 1), rel=1e-10, abs=1e-10)
 
 
 def test_several_profiles_at_once_are_as_one_by_one():
     x = np.array([0.0, 1.0, 2.5, 3.0, 5.0])
     profiles = np.array([[0.0, 1.0, 1.0, -2.0, 3.0], [5.0, 4.0, 2.0, 1.0, 0.5]])
-    together = _monotone_slopes(x, profiles)
-    assert np.array_equal(together, [_monotone_slopes(x, profile) for profile in profiles])
+    together = monotone_slopes(x, profiles)
+    assert np.array_equal(together, [monotone_slopes(x, profile) for profile in profiles])

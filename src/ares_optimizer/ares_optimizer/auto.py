@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.floors import floors_of, orbits_of
+from ares_models.plans import flies_in_air
 from ares_models.tolerances import FLOOR_M
 from ares_optimizer.collocation.report import LOCAL_OPTIMA
 from ares_optimizer.collocation.solve import solve_collocation
@@ -61,6 +62,10 @@ def solve_auto(request: Request) -> Solution:
         return failed("auto", Cause(Status.INFEASIBLE, evidence))
     if request.heating is Heating.FROM_JETTISON:
         return _cool_from_jettison(request)
+    if flies_in_air(request.arrays.arcs):
+        # no other method knows the forces of the air
+        found = solve_collocation(replace(request, method="collocation"))
+        return replace(found, steps=(step("collocation", found),))
     steps: list[str] = []
     fast = _fast(request)
     if fast is not None:

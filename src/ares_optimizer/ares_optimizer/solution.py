@@ -78,6 +78,9 @@ class Check(StrEnum):
     HEATING_FROM_JETTISON = "heating_from_jettison"
     LOWEST_ALTITUDE = "lowest_altitude"
     PROPELLANT = "propellant"
+    #: one per stage that limits it
+    DYNAMIC_PRESSURE = "dynamic_pressure"
+    Q_ALPHA = "q_alpha"
     #: one per free arc
     ARC_LENGTH = "arc_length"
     #: one per element of the orbit that a coast names

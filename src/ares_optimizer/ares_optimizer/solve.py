@@ -12,6 +12,7 @@ from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
 from ares_models.floors import orbits_of
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
+from ares_models.plans import flies_in_air
 from ares_optimizer.auto import solve_auto
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
@@ -135,6 +136,8 @@ def _check_arcs(request: Request) -> None:
     fixed = saving_stage(request.arrays, request.state[0]) < 0
     if fixed and request.method not in (AUTO, COLLOCATION):
         raise _unfit(request, (AUTO, COLLOCATION), "no burn is free")
+    if flies_in_air(request.arrays.arcs) and request.method not in (AUTO, COLLOCATION):
+        raise _unfit(request, (AUTO, COLLOCATION), "the flight is in the air")
     named = orbits_of(request.arrays, request.state)
     if named and request.method not in (AUTO, COLLOCATION):
         arc = min(named)

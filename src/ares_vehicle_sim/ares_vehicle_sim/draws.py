@@ -101,7 +101,7 @@ class Draws:
     Attributes:
         inputs: shape (n, columns), values of the quantities of the dispersions file.
         variations: shape (n,), dtype VARIATION.
-        atmospheres: shape (n, m, 5), tables as in MissionArrays; shape (1, m, 5) if all flights
+        atmospheres: shape (n, m, 9), tables as in MissionArrays; shape (1, m, 9) if all flights
             share one.
     """
 

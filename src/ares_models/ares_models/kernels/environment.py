@@ -2,9 +2,9 @@
 """Gravity, altitude, density, relative velocity and heating (thesis chapter 2).
 
 ``environment`` is a record of dtype ``arrays.ENVIRONMENT``; ``atmosphere`` is the table of
-``arrays.MissionArrays``: rows (altitude m, c0, c1, c2, c3), log density a cubic in the
-height above the row's altitude. The last row has value and slope only: the table continues
-linearly in log density above it, and below the first row.
+``arrays.MissionArrays``: rows (altitude m, c0, c1, c2, c3, p0, p1, p2, p3), log density and log
+pressure cubics in the height above the row's altitude. The last row has values and slopes only:
+the table continues linearly in both logarithms above it, and below the first row.
 """
 
 import math
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, dot, norm, scale
+
+#: Square of a speed in the air below which a vehicle is at rest, m2/s2.
+AT_REST = 1e-12
 
 
 @kernel
@@ -76,13 +79,8 @@ def altitude_gradient(r: Vector, environment: Record) -> Vector:
 
 
 @kernel
-def log_density(h: float, atmosphere: NDArray[np.float64]) -> tuple[float, float]:
-    """Compute the logarithm of density in kg/m3, and its derivative by altitude, 1/m.
-
-    Args:
-        h: altitude, m. Beyond both ends of the table the logarithm is linear.
-        atmosphere: shape (n, 5), see the module text; without the density factor.
-    """
+def row_below(h: float, atmosphere: NDArray[np.float64]) -> int:
+    """Return the last row of the table at or below an altitude, m; the first if there is none."""
     low = 0
     high = atmosphere.shape[0]
     while high - low > 1:
@@ -91,14 +89,33 @@ def log_density(h: float, atmosphere: NDArray[np.float64]) -> tuple[float, float
             low = middle
         else:
             high = middle
-    x = h - atmosphere[low, 0]
-    c0 = atmosphere[low, 1]
-    c1 = atmosphere[low, 2]
+    return low
+
+
+@kernel
+def cubic_above(
+    h: float, atmosphere: NDArray[np.float64], row: int, column: int
+) -> tuple[float, float]:
+    """Return the cubic of a row from a column on, and its slope; linear below the first row."""
+    x = h - atmosphere[row, 0]
+    c0 = atmosphere[row, column]
+    c1 = atmosphere[row, column + 1]
     if x < 0.0:
         return c0 + c1 * x, c1
-    c2 = atmosphere[low, 3]
-    c3 = atmosphere[low, 4]
+    c2 = atmosphere[row, column + 2]
+    c3 = atmosphere[row, column + 3]
     return c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + x * 3.0 * c3)
+
+
+@kernel
+def log_density(h: float, atmosphere: NDArray[np.float64]) -> tuple[float, float]:
+    """Compute the logarithm of density in kg/m3, and its derivative by altitude, 1/m.
+
+    Args:
+        h: altitude, m. Beyond both ends of the table the logarithm is linear.
+        atmosphere: see the module text; without the density factor.
+    """
+    return cubic_above(h, atmosphere, row_below(h, atmosphere), 1)
 
 
 @kernel
@@ -138,7 +155,7 @@ def log_heating_gradient(
         log of the rate in W/m2, gradient by position (1/m), gradient by velocity (s/m).
     """
     relative = relative_velocity(r, v, environment)
-    square = dot(relative, relative)
+    square = max(dot(relative, relative), AT_REST)
     value, slope = log_density(altitude(r, environment), atmosphere)
     up = altitude_gradient(r, environment)
     k = 3.0 / square
@@ -167,7 +184,7 @@ def log_heating(
         r: position, m.
         v: velocity, m/s.
         environment: record of dtype ENVIRONMENT.
-        atmosphere: shape (n, 5).
+        atmosphere: see the module text.
         acceleration: total acceleration, gravity included, m/s2.
 
     Returns:

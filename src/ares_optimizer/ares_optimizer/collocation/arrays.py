@@ -8,14 +8,17 @@ interval has one state per Radau point.
 
 import numpy as np
 
-#: Thrust direction of a phase: none, free at each point, or one for the burn.
+#: Thrust direction of a phase: none, free at each point, one for the burn, or the local vertical.
 COASTING = 0
 GUIDED = 1
 HELD_ATTITUDE = 2
+VERTICAL = 3
 
 PHASE = np.dtype(
     [
-        ("steering", np.int64),  # COASTING, GUIDED or HELD_ATTITUDE
+        ("arc", np.int64),  # index into the mission's arcs
+        ("in_air", np.int64),  # 1: forces of the air or a vertical rise are part of it
+        ("steering", np.int64),  # COASTING, GUIDED, HELD_ATTITUDE or VERTICAL
         ("length", np.int64),  # column of its length
         ("mass", np.int64),  # column of the mass at its begin
         ("thrust", np.float64),  # at its begin
@@ -48,6 +51,8 @@ TARGET_RULE = 0
 HEATING_RULE = 1
 FLOOR_RULE = 2
 PERIGEE_RULE = 3
+DYNAMIC_PRESSURE_RULE = 4
+Q_ALPHA_RULE = 5
 
 RULE = np.dtype(
     [
@@ -56,7 +61,9 @@ RULE = np.dtype(
         ("row", np.int64),  # first row
         ("rows", np.int64),
         ("target", np.int64),  # index into the program's targets, of a TARGET_RULE
-        ("level", np.float64),  # log of a heating in W/m2, altitude in m, or perigee radius in m
+        ("control", np.int64),  # column of the first of three variables; -1: none
+        # log of a heating in W/m2, altitude in m, perigee radius in m, pressure in Pa or Pa rad
+        ("level", np.float64),
     ],
     align=True,
 )

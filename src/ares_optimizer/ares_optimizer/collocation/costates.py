@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT
+from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
 from ares_models.kernels.environment import gravity
-from ares_optimizer.collocation.arrays import COASTING, GUIDED
-from ares_optimizer.collocation.kernels import acceleration_terms
+from ares_optimizer.collocation.arrays import COASTING, GUIDED, VERTICAL
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.solution import Costates
 
@@ -50,7 +51,14 @@ class Adjoint(NamedTuple):
 
 
 class _Terms(NamedTuple):
-    """Hold the thrust at one point: m/s2, unit vector, kg/s, rate of the mass costate."""
+    """Hold the motion by thrust and air at one point.
+
+    Attributes:
+        acceleration: m/s2.
+        direction: of the thrust, unit vector.
+        flow: kg/s.
+        slope: rate of the mass costate, kg/kg/s.
+    """
 
     acceleration: Array
     direction: Array
@@ -59,20 +67,47 @@ class _Terms(NamedTuple):
 
 
 def _terms(
-    program: CollocationProgram, p: int, s: float, point: StoppingPoint, primer: Array, u: Array
+    program: CollocationProgram,
+    p: int,
+    s: float,
+    point: StoppingPoint,
+    sample: tuple[Array, Array, Array],
 ) -> _Terms:
-    """Return the thrust of phase ``p`` at the scaled time ``s``, along the primer or held."""
+    """Return the motion by thrust and air in phase ``p`` at the scaled time ``s``.
+
+    Args:
+        program: the program.
+        p: phase.
+        s: time into the phase.
+        point: solution of the program.
+        sample: state, m and m/s, its costate, and the thrust direction of the solution. The thrust
+            of a guided phase without limits of the angle of attack is along the primer.
+    """
     phase = program.phases[p]
-    if phase["steering"] == COASTING:
-        return _Terms(np.zeros(3), u, 0.0, 0.0)
-    if phase["steering"] == GUIDED:
+    state, costate, u = sample
+    primer = costate[3:]
+    mass = float(point.x[program.masses[p]])
+    left = mass_at_end(phase, s, mass)[0] * program.mass
+    force = np.zeros(3)
+    flow = 0.0
+    arc = program.arrays.arcs[phase["arc"]]
+    surroundings = program.arrays.environment[0], program.arrays.atmosphere
+    r, v = tuple(state[:3].tolist()), tuple(state[3:].tolist())
+    if phase["in_air"]:
+        force = np.array(drag(arc, r, v, *surroundings))
+    if phase["steering"] == VERTICAL:
+        u = np.array(local_vertical(r, surroundings[0]))
+    elif phase["steering"] == GUIDED and math.isinf(arc["max_q_alpha"]):
         size = float(np.linalg.norm(primer))
         u = primer / size if size > 0.0 else u
-    mass = float(point.x[program.masses[p]])
-    a = acceleration_terms(phase, s, mass)[0] * program.speed / program.time
-    left = mass - s * (phase["flow"] + 0.5 * s * phase["flow_slope"])
-    flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time
-    return _Terms(a * u, u, flow, a * float(primer @ u) / float(left * program.mass))
+    if phase["steering"] != COASTING:
+        a = acceleration_terms(phase, s, mass)[0] * program.speed / program.time
+        thrust = a * left
+        if phase["in_air"]:
+            thrust -= pressure_loss(arc, r, *surroundings)
+        force = force + thrust * u
+        flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time
+    return _Terms(force / left, u, flow, float(primer @ force) / left**2)
 
 
 def adjoint_of(program: CollocationProgram, point: StoppingPoint) -> Adjoint:
@@ -103,7 +138,8 @@ def adjoint_of(program: CollocationProgram, point: StoppingPoint) -> Adjoint:
                 costate, state = costates[number], states[first + k * d + number]
                 at = program.control_of[p][max(0, k * d + number - 1)]
                 u = x[at : at + 3] if at >= 0 else np.full(3, math.nan)
-                terms = _terms(program, p, fractions[number] * length, point, costate[3:], u)
+                sample = state, costate, u
+                terms = _terms(program, p, fractions[number] * length, point, sample)
                 motion = np.array(gravity(tuple(state[:3]), environment)) + terms.acceleration
                 hamiltonian = float(costate[:3] @ state[3:] + costate[3:] @ motion)
                 time = begin + fractions[number] * length * program.time

@@ -32,6 +32,14 @@ _ASCENTS = (
     (60.0, 0.0, -20.0, 0.0),
     (-10.0, 0.0, 10.0, 0.0),
 )
+#: The same from the ground, where the first angle stands for the exponent of time, in deg for rad.
+_LIFT_OFFS = (
+    (24.0, 0.0, 0.0, 0.0),
+    (14.0, 0.0, -10.0, 0.0),
+    (40.0, 0.0, 0.0, 0.0),
+    (8.0, 0.0, 10.0, 0.0),
+    (57.0, 0.0, -10.0, 0.0),
+)
 #: The same of a burn in orbit, relative to the velocity.
 _BURNS = (
     (0.0, 0.0, 0.0, 0.0),
@@ -150,7 +158,8 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
 
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
     """Yield initial steering constants, without known lengths."""
-    for angles in _ASCENTS if pilot.ascends else _BURNS:
+    choices = _ASCENTS if pilot.ascends else _BURNS
+    for angles in _LIFT_OFFS if pilot.plane is not None else choices:
         constants = np.zeros(CONSTANTS * pilot.count)
         constants[:CONSTANTS] = np.radians(angles)
         yield constants, {}
@@ -180,7 +189,8 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     energy = -mu / (radius + apogee) if apogee < math.inf else target_energy(arrays)
     target["speed"] = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
     target["flight_path_angle"] = 0.0
-    target["inclination"] = math.acos(float(h[2] / np.linalg.norm(h)))
+    plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
+    target["inclination"] = math.acos(float(plane[2]))
     alone = arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
     best = _aimed(alone, start)
     needless = _NEEDLESS * pilot.longest(last)

@@ -18,22 +18,34 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import allocating, kernel
-from ares_models.kernels.environment import altitude, altitude_gradient, log_heating_gradient
-from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
+from ares_models.kernels.aerodynamics import air_at
+from ares_models.kernels.environment import (
+    altitude,
+    altitude_gradient,
+    log_heating_gradient,
+    relative_velocity,
+)
+from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale
+from ares_optimizer.collocation.air import LOCALS, air_motion, local_count, local_gradient
 from ares_optimizer.collocation.arrays import (
     COASTING,
+    DYNAMIC_PRESSURE_RULE,
     FLOOR_RULE,
     HEATING_RULE,
     PERIGEE_RULE,
+    Q_ALPHA_RULE,
 )
+from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
 from ares_optimizer.kernels.terminal import MAX_ROWS, SCALE, terminal_rows
 from ares_optimizer.two_point.arrays import INVERSE_SQUARE, Gravity
 from ares_optimizer.two_point.kernels.gravity import gravity_terms, oblate_curvature
 
 Array = NDArray[np.float64]
 
-#: Difference step for the second derivatives of a constraint, in radii and circular speeds.
+#: Difference step for second derivatives, in the units of the program.
 _STEP = 1e-5
+#: Number of variables of a constraint: position, velocity, thrust direction.
+RULE_LOCALS = 9
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -50,6 +62,7 @@ class Program(NamedTuple):
         oblateness: 1.5 J2, with mu and the equatorial radius 1.
         radius: unit of length, m.
         speed: unit of speed, m/s.
+        mass: unit of mass, kg.
     """
 
     phases: NDArray[Any]
@@ -61,12 +74,19 @@ class Program(NamedTuple):
     oblateness: float
     radius: float
     speed: float
+    mass: float
 
 
 @kernel
 def vector_at(x: Array, i: int) -> Vector:
     """Return three variables from ``i`` on."""
     return (x[i], x[i + 1], x[i + 2])
+
+
+@kernel
+def units_of(program: Program) -> tuple[float, float, float]:
+    """Return the units of length, m, speed, m/s, and mass, kg."""
+    return (program.radius, program.speed, program.mass)
 
 
 @kernel
@@ -90,42 +110,62 @@ def curvature_times(r: Vector, oblateness: float, p: Vector, a: Vector) -> Vecto
 
 
 @kernel
-def acceleration_terms(
-    phase: Record, s: float, mass: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return the thrust acceleration, and its derivatives by time and initial mass.
+def pressure_row(
+    rule: Record,
+    mission: MissionRecords,
+    scales: tuple[float, float],
+    state: tuple[Vector, Vector, Vector],
+    c: Array,
+    gradient: Array,
+) -> None:
+    """Write the row of a limit of q, or of q sin(angle of attack) squared; as in `rule_rows`.
 
-    Args:
-        phase: record PHASE.
-        s: time into the phase.
-        mass: at the begin of the phase.
-
-    Returns:
-        a, a_s, a_m, a_ss, a_sm, a_mm.
+    The square, 0.25 rho^2 w^2 |u x w|^2 with the air speed w, is smooth at all angles.
     """
-    if phase.fading > 0.0:
-        return phase.acceleration, 0.0, 0.0, 0.0, 0.0, 0.0
-    left = mass - s * (phase.flow + 0.5 * s * phase.flow_slope)
-    flow = phase.flow + s * phase.flow_slope
-    a = (phase.thrust + s * phase.thrust_slope) / left
-    by_s = (phase.thrust_slope + a * flow) / left
-    by_m = -a / left
-    by_ss = (2.0 * by_s * flow + a * phase.flow_slope) / left
-    by_sm = -(by_s - by_m * flow) / left
-    return a, by_s, by_m, by_ss, by_sm, -2.0 * by_m / left
+    environment = mission.environment
+    r, v, u = state
+    air = air_at(altitude(r, environment), environment, mission.atmosphere)
+    up = altitude_gradient(r, environment)
+    w = relative_velocity(r, v, environment)
+    rate = environment.rotation_rate
+    square = dot(w, w)
+    by_u = (0.0, 0.0, 0.0)
+    if rule.kind == DYNAMIC_PRESSURE_RULE:
+        k = 0.5 * air.density / rule.level
+        value = k * square
+        by_w = scale(2.0 * k, w)
+        by_h = value * air.density_slope
+    else:
+        k = 0.25 * air.density * air.density / (rule.level * rule.level)
+        length, along = dot(u, u), dot(u, w)
+        across = length * square - along * along
+        value = k * square * across
+        by_w = axpy(2.0 * k * across, w, scale(2.0 * k * square * length, w))
+        by_w = axpy(-2.0 * k * square * along, u, by_w)
+        by_u = axpy(-2.0 * k * square * along, w, scale(2.0 * k * square * square, u))
+        by_h = 2.0 * value * air.density_slope
+    c[0] = 1.0 - value
+    by_r = axpy(by_h, up, (-rate * by_w[1], rate * by_w[0], 0.0))
+    for i in range(3):
+        gradient[0, i] = -scales[0] * by_r[i]
+        gradient[0, 3 + i] = -scales[1] * by_w[i]
+        gradient[0, 6 + i] = -by_u[i]
 
 
 @kernel
-def mass_at_end(phase: Record, length: float, mass: float) -> tuple[float, float, float]:
-    """Return the mass at the end of a phase, and its derivatives by length and mass.
+def rule_state(rule: Record, x: Array) -> tuple[Vector, Vector, Vector]:
+    """Return position, velocity and thrust direction of a constraint; scaled."""
+    at = 6 * rule.node
+    u = (0.0, 0.0, 0.0)
+    if rule.control >= 0:
+        u = vector_at(x, rule.control)
+    return vector_at(x, at), vector_at(x, at + 3), u
 
-    The end is before drops; ``mass`` is that at the begin.
-    """
-    if phase.fading > 0.0:
-        part = math.exp(-phase.fading * length)
-        return mass * part, -phase.fading * mass * part, part
-    flow = phase.flow + 0.5 * length * phase.flow_slope
-    return mass - length * flow, -(phase.flow + length * phase.flow_slope), 1.0
+
+@kernel
+def rule_width(rule: Record) -> int:
+    """Return the number of variables of a constraint."""
+    return RULE_LOCALS if rule.control >= 0 else 6
 
 
 @kernel
@@ -134,22 +174,25 @@ def rule_rows(
     targets: NDArray[Any],
     mission: MissionRecords,
     scales: tuple[float, float],
-    state: tuple[Vector, Vector],
+    state: tuple[Vector, Vector, Vector],
     c: Array,
     gradient: Array,
 ) -> None:
-    """Write the values of a constraint on one state, and gradients by the scaled state.
+    """Write the values of a constraint on one state, and gradients by its scaled variables.
 
     Args:
         rule: record RULE.
         targets: dtype TARGET, of the program.
         mission: its records.
         scales: unit of length, m, and of speed, m/s.
-        state: position and velocity, scaled.
+        state: position and velocity, scaled, and thrust direction.
         c: shape (MAX_ROWS,), written: a target is met at 0, a limit at values >= 0.
-        gradient: shape (MAX_ROWS, 6), written.
+        gradient: shape (MAX_ROWS, RULE_LOCALS), written.
     """
     r, v = scale(scales[0], state[0]), scale(scales[1], state[1])
+    if rule.kind == DYNAMIC_PRESSURE_RULE or rule.kind == Q_ALPHA_RULE:
+        pressure_row(rule, mission, scales, (r, v, state[2]), c, gradient)
+        return
     mu = mission.environment.mu
     if rule.kind == HEATING_RULE:
         value, by_r, by_v = log_heating_gradient(r, v, mission.environment, mission.atmosphere)
@@ -187,12 +230,13 @@ def rule_rows(
 
 
 @kernel
-def fill_rows(x: Array, program: Program, g: Array) -> None:
+def fill_rows(x: Array, program: Program, mission: MissionRecords, g: Array) -> None:
     """Write the defects, the lengths of the directions and the masses.
 
     Args:
         x: shape (n,), variables.
         program: see :class:`Program`.
+        mission: its records.
         g: shape (m,), written except for linear rows and those of :func:`fill_rules`.
     """
     field = field_in_units(program.oblateness)
@@ -204,7 +248,9 @@ def fill_rows(x: Array, program: Program, g: Array) -> None:
         h = point.width * x[phase.length]
         r, v = vector_at(x, at), vector_at(x, at + 3)
         motion, _ = gravity_terms(r, field, r)
-        if phase.steering != COASTING:
+        if phase.in_air == 1:
+            motion = add(motion, air_motion(point, phase, mission, units_of(program), x))
+        elif phase.steering != COASTING:
             s = point.fraction * x[phase.length]
             a = acceleration_terms(phase, s, x[phase.mass])[0]
             motion = axpy(a, vector_at(x, point.control), motion)
@@ -231,14 +277,58 @@ def fill_rows(x: Array, program: Program, g: Array) -> None:
 def fill_rules(x: Array, program: Program, mission: MissionRecords, g: Array) -> None:
     """Write the rows of the constraints on single states."""
     c = np.zeros(MAX_ROWS)
-    gradient = np.zeros((MAX_ROWS, 6))
+    gradient = np.zeros((MAX_ROWS, RULE_LOCALS))
     scales = (program.radius, program.speed)
     for i in range(program.rules.shape[0]):
         rule = program.rules[i]
-        state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
+        state = rule_state(rule, x)
         rule_rows(rule, program.targets, mission, scales, state, c, gradient)
         for row in range(rule.rows):
             g[rule.row + row] = c[row]
+
+
+@kernel
+def fill_air_jacobian(
+    x: Array,
+    program: Program,
+    mission: MissionRecords,
+    i: int,
+    values: Array,
+    k: int,
+    gradient: Array,
+) -> int:
+    """Write the entries of the defects of a point in the air; return the next index.
+
+    Args:
+        x: shape (n,), variables.
+        program: see :class:`Program`.
+        mission: its records.
+        i: index of the point.
+        values: written from ``k`` on.
+        k: first index.
+        gradient: shape (3, LOCALS), scratch.
+    """
+    point = program.points[i]
+    phase = program.phases[point.phase]
+    d = program.derivative.shape[0]
+    h = point.width * x[phase.length]
+    at = 6 * (point.node + point.number)
+    v = vector_at(x, at + 3)
+    for _ in range(6):
+        for j in range(d + 1):
+            values[k] = program.derivative[point.number - 1, j]
+            k += 1
+    field = field_in_units(program.oblateness)
+    motion = local_gradient(point, phase, mission, units_of(program), field, x, gradient)
+    for c in range(3):
+        values[k] = -h
+        values[k + 1] = -point.width * v[c]
+        k += 2
+        for j in range(local_count(phase)):
+            values[k + j] = -h * gradient[c, j]
+        values[k + 6] -= point.width * motion[c]
+        k += local_count(phase)
+    return k
 
 
 @kernel
@@ -289,8 +379,12 @@ def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: A
     """
     field = field_in_units(program.oblateness)
     k = 0
+    local = np.zeros((3, LOCALS))
     for i in range(program.points.shape[0]):
-        k = fill_point_jacobian(x, program, i, values, k, field)
+        if program.phases[program.points[i].phase].in_air == 1:
+            k = fill_air_jacobian(x, program, mission, i, values, k, local)
+        else:
+            k = fill_point_jacobian(x, program, i, values, k, field)
     for i in range(program.controls.shape[0]):
         for c in range(3):
             values[k] = x[program.controls[i] + c]
@@ -303,16 +397,79 @@ def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: A
         values[k + 2] = -by_mass
         k += 3
     missed = np.zeros(MAX_ROWS)
-    gradient = np.zeros((MAX_ROWS, 6))
+    gradient = np.zeros((MAX_ROWS, RULE_LOCALS))
     scales = (program.radius, program.speed)
     for i in range(program.rules.shape[0]):
         rule = program.rules[i]
-        state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
+        state = rule_state(rule, x)
         rule_rows(rule, program.targets, mission, scales, state, missed, gradient)
         for row in range(rule.rows):
-            for j in range(6):
+            for j in range(rule_width(rule)):
                 values[k] = gradient[row, j]
                 k += 1
+    return k
+
+
+@kernel
+def fill_air_hessian(
+    x: Array,
+    program: Program,
+    mission: MissionRecords,
+    i: int,
+    multipliers: Array,
+    values: Array,
+    k: int,
+    scratch: tuple[Array, Array],
+) -> int:
+    """Write the contribution of the defects of a point in the air; return next index.
+
+    Second derivatives are central differences of the gradient.
+
+    Args: as in :func:`fill_air_jacobian`;
+        scratch: shapes (3, LOCALS) and (LOCALS, LOCALS).
+    """
+    point = program.points[i]
+    phase = program.phases[point.phase]
+    w = point.width
+    at = 6 * (point.node + point.number)
+    p, q = vector_at(multipliers, 6 * i), vector_at(multipliers, 6 * i + 3)
+    gradient, whole = scratch
+    field = field_in_units(program.oblateness)
+    units = units_of(program)
+    count = local_count(phase)
+    for j in range(count):
+        column = at + j
+        if j == 6:
+            column = phase.length
+        elif j == 7:
+            column = phase.mass
+        elif j > 7:
+            column = point.control + j - 8
+        kept = x[column]
+        for side in range(2):
+            step = _STEP if side == 0 else -_STEP
+            x[column] = kept + step
+            motion = local_gradient(point, phase, mission, units, field, x, gradient)
+            h = w * x[phase.length]
+            sign = 0.5 / step
+            for other in range(count):
+                along = 0.0
+                for c in range(3):
+                    along += q[c] * gradient[c, other]
+                value = -h * along
+                if other == 6:
+                    value -= w * dot(q, motion)
+                if side == 0:
+                    whole[j, other] = sign * value
+                else:
+                    whole[j, other] += sign * value
+        x[column] = kept
+    for j in range(count):
+        for other in range(j + 1):
+            values[k] = 0.5 * (whole[j, other] + whole[other, j])
+            if j == 6 and 3 <= other < 6:
+                values[k] -= w * p[other - 3]
+            k += 1
     return k
 
 
@@ -388,8 +545,13 @@ def fill_hessian(
     """
     k = 0
     points = program.points.shape[0]
+    scratch = (np.zeros((3, LOCALS)), np.zeros((LOCALS, LOCALS)))
+    moved = x.copy()
     for i in range(points):
-        k = fill_point_hessian(x, program, i, multipliers, values, k)
+        if program.phases[program.points[i].phase].in_air == 1:
+            k = fill_air_hessian(moved, program, mission, i, multipliers, values, k, scratch)
+        else:
+            k = fill_point_hessian(x, program, i, multipliers, values, k)
     for i in range(program.controls.shape[0]):
         for _ in range(3):
             values[k] = multipliers[6 * points + i]
@@ -397,23 +559,26 @@ def fill_hessian(
     for p in range(program.phases.shape[0]):
         k = fill_mass_hessian(program.phases[p], x, multipliers, values, k)
     missed = np.zeros(MAX_ROWS)
-    sides = np.zeros((2, MAX_ROWS, 6))
-    whole = np.zeros((6, 6))
+    sides = np.zeros((2, MAX_ROWS, RULE_LOCALS))
+    whole = np.zeros((RULE_LOCALS, RULE_LOCALS))
     scales = (program.radius, program.speed)
     for i in range(program.rules.shape[0]):
         rule = program.rules[i]
-        r, v = vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3)
-        for j in range(6):
+        width = rule_width(rule)
+        for j in range(width):
+            column = 6 * rule.node + j if j < 6 else rule.control + j - 6
+            kept = moved[column]
             for side in range(2):
-                step = _STEP if side == 0 else -_STEP
-                moved = (axpy(step, AXES[j], r), v) if j < 3 else (r, axpy(step, AXES[j - 3], v))
-                rule_rows(rule, program.targets, mission, scales, moved, missed, sides[side])
-            for other in range(6):
+                moved[column] = kept + (_STEP if side == 0 else -_STEP)
+                state = rule_state(rule, moved)
+                rule_rows(rule, program.targets, mission, scales, state, missed, sides[side])
+            moved[column] = kept
+            for other in range(width):
                 whole[j, other] = 0.0
                 for row in range(rule.rows):
                     change = sides[0, row, other] - sides[1, row, other]
                     whole[j, other] += multipliers[rule.row + row] * change / (2.0 * _STEP)
-        for j in range(6):
+        for j in range(width):
             for other in range(j + 1):
                 values[k] = 0.5 * (whole[j, other] + whole[other, j])
                 k += 1

@@ -2,8 +2,9 @@
 """Fly trial flights by a few steering constants, and fit them so that the end is near the target.
 
 A group is the burns between two free coasts. Its pitch and yaw are linear in time, relative to the
-horizon in the first group of an ascent and to the velocity otherwise. Least squares on these and on
-the lengths of the free burns bring the end near the target.
+horizon in the first group of an ascent and to the velocity otherwise. From the ground the pitch
+falls from the vertical as a power of time, in the plane of the target. Least squares on these and
+on the lengths of the free burns bring the end near the target.
 """
 
 import math
@@ -17,12 +18,17 @@ from ares_models.arrays import (
     BURN,
     COAST,
     HEATING_LIMIT,
+    NAMES_ASCENDING_NODE,
+    NAMES_INCLINATION,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     MissionArrays,
     Record,
 )
 from ares_models.floors import Floor, orbits_of
+from ares_models.kernels.environment import altitude
+from ares_models.kernels.judging import judged_by
+from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.kernels import timetable
@@ -31,6 +37,7 @@ from ares_optimizer.plan import free_arcs, longest_burn
 
 Array = NDArray[np.float64]
 _STEP_S = 8.0
+_AIR_STEP_S = 4.0
 _MOST_ROWS = 30_000
 #: Steering constants of a group: pitch and yaw at its begin and at its end.
 CONSTANTS = 4
@@ -46,6 +53,9 @@ _MOST_ANGLE = 3.0  # rad
 #: Most evaluations of the Jacobian.
 _EFFORT = 25
 _LONGEST_S = 1e5
+#: Altitude, m, and speed over ground, m/s, below which an ascent begins on the ground.
+_LOW_M = 2e4
+_SLOW_M_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -117,6 +127,8 @@ class Pilot:
                 break
         self.period = math.tau * math.sqrt(self.parking_m**3 / mu)
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
+        #: Plane of an ascent from the ground, a unit vector; None: it begins above the air.
+        self.plane = plane_from_ground(arrays, start)
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)
         self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
@@ -163,10 +175,16 @@ class Pilot:
             members = [k for k in range(first, len(laws)) if self.groups[k] == group]
             burns = [k for k in members if self.arrays.arcs[k]["kind"] == BURN]
             begin = max(begins[burns[0]], float(self.start["time"][0]))
-            laws[members, rollout.FROM_VELOCITY] = float(group > 0 or not self.ascends)
+            frame = rollout.FROM_HORIZON if self.ascends else rollout.FROM_VELOCITY
+            if group > 0:
+                frame = rollout.FROM_VELOCITY
+            elif self.plane is not None:
+                frame = rollout.FROM_PAD
+                laws[members, rollout.NORMAL : rollout.LAW_COLUMNS] = self.plane
+            laws[members, rollout.FRAME] = frame
             laws[members, rollout.REFERENCE] = begin
             laws[members, rollout.SPAN] = max(1.0, begins[burns[-1] + 1] - begin)
-            laws[members, rollout.PITCH : rollout.LAW_COLUMNS] = constants[
+            laws[members, rollout.PITCH : rollout.NORMAL] = constants[
                 CONSTANTS * group : CONSTANTS * (group + 1)
             ]
         ends = begins[1:][self.free] if self.free else np.zeros(1)
@@ -176,7 +194,7 @@ class Pilot:
             self._mission,
             timetable.Times(timetable.HEATING_PASSIVE, drops, ends, times.cutoff),
             laws,
-            _STEP_S,
+            _STEP_S if self.plane is None else _AIR_STEP_S,
             self._segments,
             self._layout,
             self._track,
@@ -314,6 +332,48 @@ class Pilot:
             track = again
         miss = float(np.linalg.norm(self.miss_of(track)))
         return TrialFlight(there, track.copy(), miss), found.x[:n]
+
+
+def plane_from_ground(arrays: MissionArrays, start: NDArray[np.void]) -> Array | None:
+    """Return the normal of the plane in which an ascent from the ground leaves, a unit vector.
+
+    It is the plane of the target if that is named, one of its inclination through the start, or the
+    plane of the initial motion.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+
+    Returns:
+        None if the first burn begins in thin air or fast.
+    """
+    r, v = start["position"][0], start["velocity"][0]
+    environment, target = arrays.environment[0], arrays.target[0]
+    ground = float(altitude(tuple(r.tolist()), environment))
+    relative = np.linalg.norm(v - np.cross([0.0, 0.0, float(environment["rotation_rate"])], r))
+    if not flies_in_air(arrays.arcs) or ground > _LOW_M or relative > _SLOW_M_S:
+        return None
+    named = int(judged_by(target))
+    along = v if np.linalg.norm(v) > 0.0 else np.cross([0.0, 0.0, 1.0], r)
+    normal = np.cross(r, along)
+    up = r / np.linalg.norm(r)
+    if named & NAMES_INCLINATION:
+        tilt = float(target["inclination"])
+        if named & NAMES_ASCENDING_NODE:
+            node = float(target["ascending_node"])
+            normal = np.array(
+                [math.sin(node) * math.sin(tilt), -math.cos(node) * math.sin(tilt), math.cos(tilt)]
+            )
+            normal = normal - (normal @ up) * up
+        else:
+            east = np.cross([0.0, 0.0, 1.0], up)
+            east /= max(float(np.linalg.norm(east)), 1e-9)
+            north = np.cross(up, east)
+            across = math.hypot(up[0], up[1])
+            sine = min(max(math.cos(tilt) / max(across, 1e-9), -1.0), 1.0)
+            heading = sine * east + math.sqrt(1.0 - sine * sine) * north
+            normal = np.cross(up, heading)
+    return np.asarray(normal / np.linalg.norm(normal))
 
 
 def target_energy(arrays: MissionArrays) -> float:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
+from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline, make_interp_spline
 
 from ares_models.floors import Floor
-from ares_optimizer.collocation.arrays import COASTING, GUIDED
+from ares_optimizer.collocation.arrays import COASTING, GUIDED, VERTICAL
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
 from ares_optimizer.collocation.points import (
     Array,
@@ -157,17 +157,21 @@ def steering_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjo
     """Return the steering of a point: along the primer where thrust and primer agree.
 
     There is no primer where propellant has no price, for example where burns of fixed length give
-    excess energy: the directions are interpolated instead.
+    excess energy: the directions are interpolated instead. So they are in the air, where the rate
+    of the primer is not known.
     """
     laws: dict[int, Callable[[float], Array]] = {}
     for p, phase in enumerate(program.phases):
         if phase["steering"] == COASTING:
             continue
         rows = np.flatnonzero(adjoint.phase == p)
+        if phase["steering"] == VERTICAL:
+            laws[p] = make_interp_spline(adjoint.time[rows], adjoint.direction[rows], k=1)
+            continue
         controls = program.control_of[p]
         u = point.x[controls[:, None] + np.arange(3)]
         times = adjoint.time[rows]
-        if phase["steering"] == GUIDED:
+        if phase["steering"] == GUIDED and not phase["in_air"]:
             primer = adjoint.by_velocity[rows]
             size = np.linalg.norm(primer, axis=1)
             along = (primer[1:] * u).sum(axis=1) / np.maximum(size[1:], 1e-300)

@@ -76,7 +76,7 @@ def _steering_arcs(
         first_mass = float(point.x[program.masses[p]]) * program.mass
         last_mass = float(point.x[program.ends[p]]) * program.mass
         primer = adjoint.by_velocity[rows]
-        if phase["steering"] not in (COASTING, GUIDED):
+        if phase["steering"] != COASTING and (phase["steering"] != GUIDED or phase["in_air"]):
             primer = adjoint.direction[rows]
         size = max(float(np.linalg.norm(primer[0])), 1e-300)
         direction = primer[0] / size

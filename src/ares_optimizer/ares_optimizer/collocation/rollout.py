@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
+from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
 from ares_models.kernels.environment import altitude, gravity, log_heating_gradient
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, scale, unit
 from ares_optimizer.kernels.timetable import (
@@ -30,16 +31,25 @@ LOG_HEATING = 10
 ALTITUDE = 11
 ARC = 12
 TRACK_COLUMNS = 13
-#: Columns of a steering law: relative to the velocity (1) or the horizon (0), time of its first
-#: angles, s, time from these to its last ones, s, these pitch and yaw angles, rad.
-FROM_VELOCITY = 0
+#: Columns of a steering law: its frame, time of its first angles, s, time from these to its last
+#: ones, s, these pitch and yaw angles, rad, and the normal of the plane of FROM_PAD.
+FRAME = 0
 REFERENCE = 1
 SPAN = 2
 PITCH = 3
 YAW = 4
 PITCH_END = 5
 YAW_END = 6
-LAW_COLUMNS = 7
+NORMAL = 7
+LAW_COLUMNS = 10
+#: Frames of a law: the horizon along the velocity, the velocity, or the horizon in a given plane.
+#: In the last one the pitch falls from the vertical as a power of time; the exponent is its first
+#: pitch angle.
+FROM_HORIZON = 0.0
+FROM_VELOCITY = 1.0
+FROM_PAD = 2.0
+#: Least exponent.
+_LEAST_POWER = 0.05
 
 
 @kernel
@@ -49,7 +59,13 @@ def thrust_direction(law: Array, t: float, r: Vector, v: Vector) -> Vector:
     pitch = law[PITCH] + (law[PITCH_END] - law[PITCH]) * part
     yaw = law[YAW] + (law[YAW_END] - law[YAW]) * part
     normal = unit(cross(r, v))
-    if law[FROM_VELOCITY] > 0.0:
+    if law[FRAME] == FROM_PAD:
+        turned = max(0.0, part) ** max(_LEAST_POWER, law[PITCH])
+        pitch = 0.5 * math.pi + (law[PITCH_END] - 0.5 * math.pi) * turned
+        up = unit(r)
+        along = unit(cross((law[NORMAL], law[NORMAL + 1], law[NORMAL + 2]), up))
+        normal = cross(up, along)
+    elif law[FRAME] == FROM_VELOCITY:
         along = unit(v)
         up = cross(normal, along)
     else:
@@ -61,14 +77,24 @@ def thrust_direction(law: Array, t: float, r: Vector, v: Vector) -> Vector:
 
 @kernel
 def acceleration(
-    segment: Record, law: Array, environment: Record, t: float, r: Vector, v: Vector
+    segment: Record, law: Array, mission: MissionRecords, t: float, r: Vector, v: Vector
 ) -> Vector:
-    """Return the acceleration by gravity and thrust, m/s2."""
-    g = gravity(r, environment)
+    """Return the acceleration by gravity, thrust and air, m/s2."""
+    environment = mission.environment
+    arc = mission.arcs[segment.arc]
+    per = 1.0 / segment_mass(segment, t)
+    a = gravity(r, environment)
+    if arc.drag_area > 0.0:
+        a = axpy(per, drag(arc, r, v, environment, mission.atmosphere), a)
     thrust = segment_thrust(segment, t)
     if thrust <= 0.0:
-        return g
-    return axpy(thrust / segment_mass(segment, t), thrust_direction(law, t, r, v), g)
+        return a
+    if arc.exit_area > 0.0:
+        thrust -= pressure_loss(arc, r, environment, mission.atmosphere)
+    u = thrust_direction(law, t, r, v)
+    if arc.vertical == 1:
+        u = local_vertical(r, environment)
+    return axpy(thrust * per, u, a)
 
 
 @kernel
@@ -113,6 +139,8 @@ def fly_track(
             t = segment.start + k * h
             track[rows, TIME] = t
             u = thrust_direction(law, t, r, v)
+            if mission.arcs[segment.arc].vertical == 1:
+                u = local_vertical(r, environment)
             for c in range(3):
                 track[rows, POSITION + c] = r[c]
                 track[rows, VELOCITY + c] = v[c]
@@ -125,13 +153,13 @@ def fly_track(
             rows += 1
             if k == steps:
                 break
-            a1 = acceleration(segment, law, environment, t, r, v)
+            a1 = acceleration(segment, law, mission, t, r, v)
             v2 = axpy(0.5 * h, a1, v)
-            a2 = acceleration(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v, r), v2)
+            a2 = acceleration(segment, law, mission, t + 0.5 * h, axpy(0.5 * h, v, r), v2)
             v3 = axpy(0.5 * h, a2, v)
-            a3 = acceleration(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v2, r), v3)
+            a3 = acceleration(segment, law, mission, t + 0.5 * h, axpy(0.5 * h, v2, r), v3)
             v4 = axpy(h, a3, v)
-            a4 = acceleration(segment, law, environment, t + h, axpy(h, v3, r), v4)
+            a4 = acceleration(segment, law, mission, t + h, axpy(h, v3, r), v4)
             r = axpy(h / 6.0, add(add(v, scale(2.0, v2)), add(scale(2.0, v3), v4)), r)
             v = axpy(h / 6.0, add(add(a1, scale(2.0, a2)), add(scale(2.0, a3), a4)), v)
     return rows

@@ -25,7 +25,11 @@ from ares_optimizer.collocation.points import (
     turning_of,
     worst_row,
 )
-from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, solve_program
+from ares_optimizer.collocation.solver import (
+    LOCALLY_INFEASIBLE,
+    StoppingPoint,
+    solve_program,
+)
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
@@ -63,6 +67,8 @@ _SAGS = 1e3
 #: Initial barrier parameter near a solution.
 _NEAR = 1e-4
 _CORNER = 1e-6
+#: Factors on the limits of dynamic pressure and q alpha, one after the other.
+_LIMIT_STEPS = (30.0, 2.0, 1.0)
 
 
 @dataclass
@@ -196,10 +202,7 @@ class Search:
         except ValueError:
             self._unproven = True
             return None
-        point = solve_program(
-            program, guess_of(program, trial), self.request.deadline, most=_MOST_FIRST
-        )
-        self.iterations += point.iterations
+        point = self._first_point(program, guess_of(program, trial))
         if not point.solved:
             if point.status == LOCALLY_INFEASIBLE:
                 self._violations.append((point.violation, worst_row(program, point)))
@@ -217,6 +220,18 @@ class Search:
                 break
             found = better
         return found
+
+    def _first_point(self, program: CollocationProgram, guess: Array) -> StoppingPoint:
+        """Solve a program from a first guess; pressure limits are narrowed in steps."""
+        x, mu = guess, None
+        for factor in _LIMIT_STEPS if program.has_limits else (1.0,):
+            program.relax_limits(factor)
+            point = solve_program(program, x, self.request.deadline, mu=mu, most=_MOST_FIRST)
+            self.iterations += point.iterations
+            if not point.solved:
+                break
+            x, mu = point.x, _CORNER
+        return point
 
     def _dips_below_floor(self, found: FoundOptimum) -> bool:
         """Return true if a coast dips below a floor between its states."""

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
 from ares_models.floors import Floor, orbits_of
+from ares_models.kernels.aerodynamics import is_in_air
 from ares_optimizer.collocation.arrays import (
     COASTING,
+    DYNAMIC_PRESSURE_RULE,
     FLOOR_RULE,
     GUIDED,
     HEATING_RULE,
@@ -23,10 +25,13 @@ from ares_optimizer.collocation.arrays import (
     PERIGEE_RULE,
     PHASE,
     POINT,
+    Q_ALPHA_RULE,
     RULE,
     TARGET_RULE,
+    VERTICAL,
 )
 from ares_optimizer.collocation.kernels import (
+    RULE_LOCALS,
     Program,
     fill_hessian,
     fill_jacobian,
@@ -44,6 +49,7 @@ INFINITE = 2e19  # bound that the solver ignores
 #: Angle of an interval in a burn and in a coast, rad of a low circular orbit; bounds of the count.
 _BURN_TURN = 0.12
 _COAST_TURN = 0.25
+_AIR_TURN = 0.03
 _LEAST_BURN = 2
 _MOST_BURN = 40
 _LEAST_COAST = 2
@@ -217,6 +223,7 @@ class CollocationProgram:
             field,
             self.radius,
             self.speed,
+            self.mass,
         )
         self.linear_cost = np.zeros(self.size)
         self._make_patterns()
@@ -240,6 +247,8 @@ class CollocationProgram:
             if burning
             else (_COAST_TURN, _LEAST_COAST, _MOST_COAST)
         )
+        if self._in_air(piece):
+            step = _AIR_TURN
         count = min(max(math.ceil(orbit / step), least), most)
         if end - begin < _SHORT:
             count = 1
@@ -254,6 +263,10 @@ class CollocationProgram:
         places[0], places[-1] = 0.0, 1.0
         return places
 
+    def _in_air(self, piece: Record) -> bool:
+        """Return true if forces of the air or a vertical rise are part of a segment."""
+        return bool(is_in_air(self.arrays.arcs[piece["arc"]]))
+
     def _lay_out_variables(self) -> None:
         """Assign the columns of states, directions, lengths and masses."""
         phases = len(self.segments)
@@ -261,6 +274,7 @@ class CollocationProgram:
         self.steering = np.where(
             burning, np.where(self.segments["held"] > 0, HELD_ATTITUDE, GUIDED), COASTING
         )
+        self.steering[burning & (self.arrays.arcs["vertical"][self.segments["arc"]] == 1)] = VERTICAL
         at = 6 * self.nodes
         controls: list[int] = []
         self.control_of: list[NDArray[np.int64]] = []
@@ -308,6 +322,8 @@ class CollocationProgram:
         phases = np.zeros(len(self.segments), PHASE)
         for p, piece in enumerate(self.segments):
             row = phases[p]
+            row["arc"] = piece["arc"]
+            row["in_air"] = self._in_air(piece)
             row["steering"] = self.steering[p]
             row["length"] = self.lengths[p]
             row["mass"] = self.masses[p]
@@ -456,11 +472,11 @@ class CollocationProgram:
 
     def _lay_out_rules(self, floors: tuple[Floor, ...]) -> None:
         """Fill the constraints on single states: target, heating, floors."""
-        rules: list[tuple[int, int, int, int, int, float]] = []
+        rules: list[tuple[int, int, int, int, int, int, float]] = []
         rows = self._rows
 
-        def add(kind: int, name: str, node: int, level: float) -> None:
-            rules.append((kind, node, rows.add(name, 0.0, INFINITE), 1, 0, level))
+        def add(kind: int, name: str, node: int, level: float, control: int = -1) -> None:
+            rules.append((kind, node, rows.add(name, 0.0, INFINITE), 1, 0, control, level))
 
         waiting = [
             j
@@ -489,6 +505,14 @@ class CollocationProgram:
                 name = f"perigee in arc {floor.arc}"
                 add(PERIGEE_RULE, name, int(nodes[0]), floor.perigee_m)
             self.floor_rows[floor.arc] = list(range(before, len(rows.lower)))
+        for point in self.points:
+            arc = self.arrays.arcs[self.segments[point["phase"]]["arc"]]
+            node = int(point["node"] + point["number"])
+            most, across = float(arc["max_dynamic_pressure"]), float(arc["max_q_alpha"])
+            if math.isfinite(most):
+                add(DYNAMIC_PRESSURE_RULE, "dynamic pressure", node, most)
+            if math.isfinite(across) and point["control"] >= 0:
+                add(Q_ALPHA_RULE, "q alpha", node, across, int(point["control"]))
         orbits = orbits_of(self.arrays, self.start)
         #: For each coast that names an orbit, the phase that begins on it.
         self.orbit_phases = {k: self._after_thrust(k) for k in orbits if k in self.arc_phases}
@@ -497,8 +521,19 @@ class CollocationProgram:
         for i, (name, node) in enumerate([("target", self.nodes - 1), *places]):
             count = count_rows(self.targets[i], self.start)
             numbers = [rows.add(name, 0.0, 0.0) for _ in range(count)]
-            rules.append((TARGET_RULE, node, numbers[0], count, i, 0.0))
+            rules.append((TARGET_RULE, node, numbers[0], count, i, -1, 0.0))
         self.rules = np.array(rules, RULE)
+        self._limits = np.isin(self.rules["kind"], (DYNAMIC_PRESSURE_RULE, Q_ALPHA_RULE))
+        self._limit_levels = self.rules["level"][self._limits].copy()
+
+    @property
+    def has_limits(self) -> bool:
+        """Return true if the dynamic pressure or q alpha has limits."""
+        return bool(self._limits.any())
+
+    def relax_limits(self, factor: float) -> None:
+        """Multiply the limits of dynamic pressure and q alpha by a factor."""
+        self.rules["level"][self._limits] = factor * self._limit_levels
 
     def _after_thrust(self, arc: int) -> int:
         """Return the first phase of a coast after the tail-off."""
@@ -530,6 +565,11 @@ class CollocationProgram:
             at = 6 * (node + number)
             for c in range(6):
                 put(6 * i + c, *(6 * (node + j) + c for j in range(d + 1)))
+            if phase["in_air"]:
+                for c in range(3):
+                    put(6 * i + c, at + 3 + c, length)
+                    put(6 * i + 3 + c, *self._locals(point))
+                continue
             for c in range(3):
                 put(6 * i + c, at + 3 + c, length)
                 put(6 * i + 3 + c, at, at + 1, at + 2, length)
@@ -542,9 +582,8 @@ class CollocationProgram:
             length, mass = int(phase["length"]), int(phase["mass"])
             put(int(phase["link"]), int(self.ends[p]), length, mass)
         for rule in self.rules:
-            at = 6 * int(rule["node"])
             for row in range(int(rule["rows"])):
-                put(int(rule["row"]) + row, *range(at, at + 6))
+                put(int(rule["row"]) + row, *self._rule_columns(rule))
         self.linear = np.array([entry[2] for entry in self._rows.linear])
         self._linear_rows = np.array([entry[0] for entry in self._rows.linear], np.int64)
         self._linear_columns = np.array([entry[1] for entry in self._rows.linear], np.int64)
@@ -554,6 +593,21 @@ class CollocationProgram:
             np.concatenate((columns, self._linear_columns)).astype(np.int64),
         )
         self.hessian_pattern = self._hessian_pattern()
+
+    def _locals(self, point: Record) -> list[int]:
+        """Return the columns of the local variables of a point in the air."""
+        phase = self.phases[point["phase"]]
+        at = 6 * (int(point["node"]) + int(point["number"]))
+        columns = [*range(at, at + 6), int(phase["length"]), int(phase["mass"])]
+        control = int(point["control"])
+        return columns if control < 0 else [*columns, *range(control, control + 3)]
+
+    @staticmethod
+    def _rule_columns(rule: Record) -> list[int]:
+        """Return the columns of the variables of a constraint."""
+        at, control = 6 * int(rule["node"]), int(rule["control"])
+        own = [] if control < 0 else range(control, control + RULE_LOCALS - 6)
+        return [*range(at, at + 6), *own]
 
     def _hessian_pattern(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         rows: list[int] = []
@@ -567,6 +621,12 @@ class CollocationProgram:
             phase = self.phases[point["phase"]]
             length, mass, control = int(phase["length"]), int(phase["mass"]), int(point["control"])
             at = 6 * (int(point["node"]) + int(point["number"]))
+            if phase["in_air"]:
+                columns_here = self._locals(point)
+                for j, column in enumerate(columns_here):
+                    for other in columns_here[: j + 1]:
+                        put(column, other)
+                continue
             for c in range(3):
                 for j in range(c + 1):
                     put(at + c, at + j)
@@ -588,10 +648,10 @@ class CollocationProgram:
             put(int(phase["length"]), int(phase["length"]))
             put(int(phase["mass"]), int(phase["length"]))
         for rule in self.rules:
-            at = 6 * int(rule["node"])
-            for j in range(6):
-                for other in range(j + 1):
-                    put(at + j, at + other)
+            there = self._rule_columns(rule)
+            for j, column in enumerate(there):
+                for other in there[: j + 1]:
+                    put(column, other)
         return np.array(rows, np.int64), np.array(columns, np.int64)
 
     # ---- callbacks of the solver
@@ -608,7 +668,7 @@ class CollocationProgram:
     def rows(self, x: Array, out: Array) -> None:
         """Write the values of all rows."""
         out[:] = 0.0
-        fill_rows(x, self.program, out)
+        fill_rows(x, self.program, self.mission, out)
         fill_rules(x, self.program, self.mission, out)
         if self.linear.size:
             np.add.at(out, self._linear_rows, self.linear * x[self._linear_columns])

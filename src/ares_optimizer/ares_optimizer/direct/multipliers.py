@@ -173,7 +173,7 @@ def recover_costates(
     spread: list[float] = []
     pi = [0.0] * len(problem.drops)
     for piece in reversed(flight.pieces):
-        begin, end, state, engine = piece
+        begin, end, state, engine, _ = piece
         if any(abs(end - time) <= _SAME_TIME for time, _ in flight.plan.stagings):
             costate[6] = 0.0
         for jump in jumps:

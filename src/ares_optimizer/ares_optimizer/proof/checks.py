@@ -16,15 +16,16 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.judge import Judgement, judge
-from ares_models.tolerances import HEATING_W_M2, PROPELLANT_KG
-from ares_optimizer.proof.flight import ProofFlight
-from ares_optimizer.proof.physics import elements, surface_radius
+from ares_models.tolerances import HEATING_W_M2, PRESSURE_SHARE, PROPELLANT_KG
+from ares_optimizer.proof.flight import Piece, ProofFlight
+from ares_optimizer.proof.physics import dynamic_pressure, elements, q_alpha, surface_radius
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Check, ConstraintCheck, Verification
 from ares_optimizer.targets import half_turn, in_unit, rows_of, target_rows
 
 Array = NDArray[np.float64]
 
+_PER_S = 10.0  # samples of the pressures
 _ACTIVE = 1e-3  # relative distance to its limit within which an inequality is active
 
 
@@ -80,6 +81,48 @@ def constraint_table(
             "kg",
             PROPELLANT_KG,
         ),
+        *_pressure_checks(arrays, flight),
+    )
+
+
+def _pressure_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
+    """Return the checks of the dynamic pressure and of q alpha, one per stage that limits it."""
+    arcs = arrays.arcs
+    checks = []
+    for stage in np.unique(arcs["stage"]):
+        own = np.flatnonzero(arcs["stage"] == stage)
+        limits = arcs[own[0]]["max_dynamic_pressure"], arcs[own[0]]["max_q_alpha"]
+        pieces = [
+            piece
+            for piece in flight.pieces
+            if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
+        ]
+        for k, (key, name, unit) in enumerate(_PRESSURES):
+            limit = float(limits[k])
+            if math.isfinite(limit):
+                most = max((_peaks(arrays, piece)[k] for piece in pieces), default=0.0)
+                allowed = PRESSURE_SHARE * limit
+                name_of = f"{name} of stage {stage}"
+                checks.append(_at_most(key, name_of, most, limit, unit, allowed))
+    return checks
+
+
+#: Kinds of pressure limits: check, name, unit.
+_PRESSURES = (
+    (Check.DYNAMIC_PRESSURE, "dynamic pressure", "Pa"),
+    (Check.Q_ALPHA, "q alpha", "Pa rad"),
+)
+
+
+def _peaks(arrays: MissionArrays, piece: Piece) -> tuple[float, float]:
+    """Return the greatest dynamic pressure, Pa, and q alpha, Pa rad, of a piece."""
+    times = np.linspace(piece.begin, piece.end, max(2, math.ceil(_PER_S * (piece.end - piece.begin))))
+    states = piece.state(times).T
+    r, v = states[:, :3], states[:, 3:6]
+    u = np.array([piece.direction(t) for t in times])
+    return (
+        float(dynamic_pressure(r, v, arrays).max()),
+        float(q_alpha(r, v, u, arrays).max()),
     )
 
 

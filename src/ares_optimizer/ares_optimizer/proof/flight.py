@@ -21,7 +21,8 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
-from ares_optimizer.proof.physics import gravity, heating
+from ares_models.plans import flies_in_air
+from ares_optimizer.proof.physics import air_force, gravity, heating, vertical
 from ares_optimizer.proof.sequence import (
     Plan,
     plan_flight,
@@ -55,12 +56,14 @@ class Piece(NamedTuple):
         begin, end: s.
         state: state at a time.
         engine: thrust in N and mass flow in kg/s, at a time in s and a mass in kg.
+        direction: of the thrust, at a time in s.
     """
 
     begin: float
     end: float
     state: State
     engine: Callable[[float, float], tuple[float, float]]
+    direction: Direction
 
 
 @dataclass(frozen=True)
@@ -160,6 +163,8 @@ def _integrate(
     """
     environment = arrays.environment[0]
     engines = running(plan.engines, *span)
+    arc = arrays.arcs[plan.arc_at(0.5 * (span[0] + span[1]))]
+    in_air = flies_in_air(arrays.arcs)
 
     def engine(t: float, mass: float) -> tuple[float, float]:
         return thrust_and_flow(arrays.arcs, engines, t, mass)
@@ -167,7 +172,11 @@ def _integrate(
     def motion(t: float, y: Array) -> Array:
         thrust, flow = engine(t, float(y[6]))
         acceleration = gravity(y[:3], environment)
-        if thrust > 0.0:
+        if in_air:
+            along = vertical(y[:3], environment) if arc["vertical"] else direction(t)
+            force = air_force(y[:3], y[3:6], thrust, along, arc, arrays)
+            acceleration = acceleration + force / y[6]
+        elif thrust > 0.0:
             acceleration = acceleration + thrust / y[6] * direction(t)
         return np.concatenate((y[3:6], acceleration, [-flow]))
 
@@ -183,7 +192,7 @@ def _integrate(
     state = result.sol
     if state is None:
         raise AssertionError("asked for dense output")
-    return Piece(span[0], float(result.t[-1]), state, engine), result.y[:, -1].copy()
+    return Piece(span[0], float(result.t[-1]), state, engine, direction), result.y[:, -1].copy()
 
 
 def _sampled(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compute gravity, heating and orbital elements in NumPy."""
+"""Compute gravity, forces of the air, heating and orbital elements in NumPy."""
 
 import math
 
@@ -44,6 +44,35 @@ def surface_radius(r: Array, environment: Record) -> Array:
     return polar / np.sqrt(1.0 + ((polar / equatorial) ** 2 - 1.0) * cos_square)
 
 
+def _table_at(height: Array, table: Array, column: int) -> Array:
+    """Return a cubic of the atmosphere's table at altitudes, m: log of density (1) or pressure (5)."""
+    row = table[np.maximum(np.searchsorted(table[:, 0], height, side="right") - 1, 0)].T
+    x = height - row[0]
+    c0, c1, c2, c3 = row[column : column + 4]
+    cubic = np.where(x > 0.0, c2 + c3 * x, 0.0)
+    value: Array = c0 + (c1 + cubic * x) * x
+    return np.minimum(value, _DENSEST)
+
+
+def _air_speed(r: Array, v: Array, environment: Record) -> Array:
+    """Return the velocity in the air that turns with the body, m/s, shape (..., 3)."""
+    rate = float(environment["rotation_rate"])
+    return np.stack((v[..., 0] + rate * r[..., 1], v[..., 1] - rate * r[..., 0], v[..., 2]), -1)
+
+
+def _height(r: Array, environment: Record) -> Array:
+    """Return the altitude, m, shape (...)."""
+    height: Array = np.linalg.norm(r, axis=-1) - surface_radius(r, environment)
+    return height
+
+
+def _density(height: Array, arrays: MissionArrays) -> Array:
+    """Return the density at altitudes, m, in kg/m3."""
+    factor = float(arrays.environment[0]["density_factor"])
+    density: Array = factor * np.exp(_table_at(height, arrays.atmosphere, 1))
+    return density
+
+
 def heating(r: Array, v: Array, arrays: MissionArrays) -> Array:
     """Return the free molecular heating 0.5 rho V_rel^3, W/m2 (Eqs. 2.2 to 2.5, 2.12, 2.15).
 
@@ -52,19 +81,74 @@ def heating(r: Array, v: Array, arrays: MissionArrays) -> Array:
         v: m/s, shape (..., 3).
         arrays: the mission.
     """
+    return dynamic_pressure(r, v, arrays) * np.linalg.norm(
+        _air_speed(r, v, arrays.environment[0]), axis=-1
+    )
+
+
+def dynamic_pressure(r: Array, v: Array, arrays: MissionArrays) -> Array:
+    """Return 0.5 rho V_rel^2, Pa; arguments as in :func:`heating`."""
     environment = arrays.environment[0]
-    height = np.linalg.norm(r, axis=-1) - surface_radius(r, environment)
-    table = arrays.atmosphere
-    row = table[np.maximum(np.searchsorted(table[:, 0], height, side="right") - 1, 0)].T
-    x = height - row[0]
-    cubic = np.where(x > 0.0, row[3] + row[4] * x, 0.0)
-    log_density = row[1] + (row[2] + cubic * x) * x
-    rate = float(environment["rotation_rate"])
-    relative = np.stack((v[..., 0] + rate * r[..., 1], v[..., 1] - rate * r[..., 0], v[..., 2]), -1)
-    density = float(environment["density_factor"]) * np.exp(np.minimum(log_density, _DENSEST))
-    square = np.sum(relative * relative, axis=-1)
-    heat: Array = 0.5 * density * square * np.sqrt(square)
-    return heat
+    relative = _air_speed(r, v, environment)
+    density = _density(_height(r, environment), arrays)
+    pressure: Array = 0.5 * density * np.sum(relative * relative, axis=-1)
+    return pressure
+
+
+def q_alpha(r: Array, v: Array, direction: Array, arrays: MissionArrays) -> Array:
+    """Return the dynamic pressure times the sine of the angle of attack, Pa.
+
+    Args:
+        r: m, shape (..., 3).
+        v: m/s, shape (..., 3).
+        direction: of the thrust, unit vectors, shape (..., 3).
+        arrays: the mission.
+    """
+    relative = _air_speed(r, v, arrays.environment[0])
+    speed = np.maximum(np.linalg.norm(relative, axis=-1), 1e-9)
+    across = np.linalg.norm(np.cross(direction, relative), axis=-1) / speed
+    value: Array = dynamic_pressure(r, v, arrays) * across
+    return value
+
+
+def vertical(r: Array, environment: Record) -> Array:
+    """Return the direction upwards, normal to the ground below; along the radius on a sphere."""
+    normal = r.copy()
+    if environment["altitude_model"] != ALTITUDE_SPHERICAL:
+        normal[2] *= (environment["equatorial_radius"] / environment["polar_radius"]) ** 2
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def air_force(
+    r: Array, v: Array, thrust: float, direction: Array, arc: Record, arrays: MissionArrays
+) -> Array:
+    """Return the thrust less ambient pressure, and the drag, N, shape (3,).
+
+    Args:
+        r: m, shape (3,).
+        v: m/s, shape (3,).
+        thrust: in vacuum, N.
+        direction: of the thrust, unit vector, shape (3,).
+        arc: record ARC.
+        arrays: the mission.
+    """
+    environment = arrays.environment[0]
+    height = _height(r, environment)
+    density = float(_density(height, arrays))
+    pressure = math.exp(float(_table_at(height, arrays.atmosphere, 5)))
+    force = max(0.0, thrust - pressure * float(arc["exit_area"])) * direction
+    knots = int(arc["drag_knots"])
+    if not knots:
+        return force
+    relative = _air_speed(r, v, environment)
+    speed = float(np.linalg.norm(relative))
+    mach = speed / math.sqrt(1.4 * pressure / density) if density > 0.0 else math.inf
+    places = arc["drag_mach"][:knots]
+    k = min(max(int(np.searchsorted(places, mach, side="right")) - 1, 0), knots - 1)
+    x = min(max(mach, places[0]), places[-1]) - places[k]
+    coefficient = np.polynomial.polynomial.polyval(x, arc["drag_cubic"][k])
+    drag = 0.5 * density * speed * float(arc["drag_area"]) * float(coefficient)
+    return np.asarray(force - drag * relative)
 
 
 def elements(r: Array, v: Array, mu: float) -> dict[str, float]:

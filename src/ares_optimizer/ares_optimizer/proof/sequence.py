@@ -50,6 +50,10 @@ class Plan:
     end: float = math.nan
     used_kg: float = 0.0
 
+    def arc_at(self, t: float) -> int:
+        """Return the arc that is flown at a time, s; the last one after the cut-off."""
+        return next((k for k, begin, end in self.arcs if begin <= t < end), self.arcs[-1][0])
+
 
 def _curve(arc: Record, name: str) -> tuple[Array, Array]:
     knots = int(arc[f"{name}_knots"])

@@ -87,7 +87,7 @@ def fly_many(
 
     Args:
         variations: shape (n,), dtype VARIATION.
-        atmospheres: shape (n, m, 5), or (1, m, 5) for all.
+        atmospheres: shape (n, m, 9), or (1, m, 9) for all.
         nominal: the truth before dispersion.
         blank: an unused loop at the nominal start.
         workspace: workspace of one flight after the other. Changed.

@@ -19,6 +19,7 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.jit import kernel
+from ares_models.kernels.aerodynamics import drag, is_in_air, local_vertical, pressure_loss
 from ares_models.kernels.environment import (
     altitude,
     density,
@@ -156,6 +157,25 @@ def commanded_direction(plant: Record, arcs: NDArray[Any], t: float) -> Vector:
     if held:
         return load(plant.held_direction)
     return steered_direction(plant, t)
+
+
+@kernel
+def air_acceleration(
+    mission: MissionRecords,
+    arc: Record,
+    state: tuple[Vector, Vector],
+    thrust: float,
+    mass: float,
+    u: Vector,
+) -> Vector:
+    """Return the acceleration by thrust less ambient pressure, and by drag, m/s2."""
+    environment = mission.environment
+    r, v = state
+    net = 0.0
+    if thrust > 0.0:
+        net = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
+    force = drag(arc, r, v, environment, mission.atmosphere)
+    return axpy(net / mass, u, scale(1.0 / mass, force))
 
 
 @kernel
@@ -420,6 +440,54 @@ def limited_thrust(
 
 
 @kernel
+def integrate_in_air(
+    mission: MissionRecords,
+    plant: Record,
+    end: float,
+    directions: tuple[Vector, Vector, Vector],
+    thrusts: Vector,
+    masses: Vector,
+) -> None:
+    """Integrate to ``end`` in one step of Runge-Kutta 4, with the forces of the air.
+
+    Args:
+        mission: its records.
+        plant: record PLANT.
+        end: s.
+        directions: of the thrust at begin, middle and end.
+        thrusts: in vacuum, likewise, N.
+        masses: likewise, kg.
+    """
+    environment = mission.environment
+    arc = mission.arcs[plant.arc]
+    h = end - plant.time
+    r = load(plant.position)
+    v = load(plant.velocity)
+    s1 = air_acceleration(mission, arc, (r, v), thrusts[0], masses[0], directions[0])
+    a1 = add(s1, gravity(r, environment))
+    r2, v2 = axpy(0.5 * h, v, r), axpy(0.5 * h, a1, v)
+    s2 = air_acceleration(mission, arc, (r2, v2), thrusts[1], masses[1], directions[1])
+    a2 = add(s2, gravity(r2, environment))
+    r3, v3 = axpy(0.5 * h, v2, r), axpy(0.5 * h, a2, v)
+    s3 = air_acceleration(mission, arc, (r3, v3), thrusts[1], masses[1], directions[1])
+    a3 = add(s3, gravity(r3, environment))
+    r4, v4 = axpy(h, v3, r), axpy(h, a3, v)
+    s4 = air_acceleration(mission, arc, (r4, v4), thrusts[2], masses[2], directions[2])
+    a4 = add(s4, gravity(r4, environment))
+    sixth = h / 6.0
+    moved = add(add(v, v4), scale(2.0, add(v2, v3)))
+    store(plant.position, axpy(sixth, moved, r))
+    gained = add(add(a1, a4), scale(2.0, add(a2, a3)))
+    store(plant.velocity, axpy(sixth, gained, v))
+    sensed = add(add(s1, s4), scale(2.0, add(s2, s3)))
+    store(plant.sensed_delta_v, axpy(sixth, sensed, load(plant.sensed_delta_v)))
+    store(plant.direction, directions[2])
+    plant.propellant_used += plant.mass - masses[2]
+    plant.mass = masses[2]
+    plant.time = end
+
+
+@kernel
 def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     """Integrate to ``end`` in one Runge-Kutta-Nystroem step of order 4, thrust linear in time.
 
@@ -461,6 +529,20 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     v = load(plant.velocity)
     m = plant.mass
     m_end = m - h * fm
+    if is_in_air(arc):
+        if arc.vertical == 1:
+            u0 = um = u1 = local_vertical(r, environment)
+        masses = (m, m - 0.25 * h * (f0 + fm), m_end)
+        thrusts = (t0, tm, t1)
+        if throttled(plant, arc, t):
+            engine = (arc.exhaust_velocity, arc.mass_flow)
+            kind, _ = throttle_regime(arc, engine, m)
+            if kind == LIMITED:
+                middle = mass_after(arc, engine, kind, m, 0.5 * h)
+                masses = (m, middle, mass_after(arc, engine, kind, m, h))
+                thrusts = scale(arc.max_acceleration, masses)
+        integrate_in_air(mission, plant, end, (u0, um, u1), thrusts, masses)
+        return
     s0 = scale(t0 / m, u0)
     sm = scale(tm / (m - 0.25 * h * (f0 + fm)), um)
     s1 = scale(t1 / m_end, u1)
@@ -500,6 +582,8 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
     for j in range(plant.jettison_time.shape[0]):
         plant.jettison_time[j] = math.nan
     u = unit(load(plant.velocity))
+    if mission.arcs[0].vertical == 1:
+        u = local_vertical(load(plant.position), mission.environment)
     store(plant.direction, u)
     store(plant.command.direction, u)
     plant.command.reference_time = plant.time
@@ -584,7 +668,11 @@ def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     store(truth.velocity, v)
     truth.mass = plant.mass
     store(truth.thrust_direction, load(plant.direction))
-    truth.thrust, truth.mass_flow = thrust_now(plant, mission.arcs, plant.time)
+    thrust, truth.mass_flow = thrust_now(plant, mission.arcs, plant.time)
+    if thrust > 0.0:
+        arc = mission.arcs[plant.arc]
+        thrust = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
+    truth.thrust = thrust
     truth.altitude = altitude(r, environment)
     truth.relative_speed = norm(relative_velocity(r, v, environment))
     _, _, truth.flight_path_angle, truth.inclination, truth.ascending_node = insertion_quantities(

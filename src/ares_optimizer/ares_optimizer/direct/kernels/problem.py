@@ -56,7 +56,7 @@ class Problem(NamedTuple):
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
-        atmosphere: shape (k, 5).
+        atmosphere: shape (k, 9).
         target: shape (1,), dtype TARGET.
         state: shape (6,), position m and velocity m/s at the start.
         start_time: s.

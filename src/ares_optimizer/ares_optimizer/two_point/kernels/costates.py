@@ -427,7 +427,7 @@ def log_density_curvature(h: float, atmosphere: NDArray[np.float64]) -> float:
 
     Args:
         h: altitude, m.
-        atmosphere: shape (n, 5), see ``ares_models.arrays``.
+        atmosphere: shape (n, 9), see ``ares_models.arrays``.
     """
     low = 0
     high = atmosphere.shape[0]
@@ -499,7 +499,7 @@ def log_heating_hessian_product(
         dr: change of position, m.
         dv: change of velocity, m/s.
         environment: record ENVIRONMENT.
-        atmosphere: shape (n, 5).
+        atmosphere: shape (n, 9).
 
     Returns:
         changes of the gradients by position and by velocity, 1/m and s/m.

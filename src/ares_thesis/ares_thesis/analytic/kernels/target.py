@@ -60,7 +60,7 @@ class HeatingLimit(NamedTuple):
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
-        atmosphere: shape (n, 5).
+        atmosphere: shape (n, 9).
         plane: of the flight.
         limit: W/m2.
         drop_s: dropped mass over mass flow, s.

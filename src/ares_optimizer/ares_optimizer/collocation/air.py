@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compute the motion in the air at a Radau point, with its gradient by the local variables.
+
+Local variables are position, velocity, length of the phase, mass at its begin and, where it is
+free, the thrust direction. Everything is in the units of the program.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import ALTITUDE_SPHERICAL, MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.aerodynamics import (
+    air_at,
+    drag,
+    drag_with_gradient,
+    local_vertical,
+    pressure_loss,
+)
+from ares_models.kernels.environment import altitude, altitude_gradient
+from ares_models.kernels.vectors import Vector, axpy, norm, scale
+from ares_optimizer.collocation.arrays import COASTING, VERTICAL
+from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
+from ares_optimizer.two_point.arrays import Gravity
+from ares_optimizer.two_point.kernels.gravity import gravity_terms
+
+Array = NDArray[np.float64]
+
+#: Most local variables of a point.
+LOCALS = 11
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@kernel
+def local_count(phase: Record) -> int:
+    """Return the number of local variables of a point of a phase."""
+    return 8 if phase.steering == COASTING or phase.steering == VERTICAL else LOCALS
+
+
+@kernel
+def _vector(x: Array, i: int) -> Vector:
+    return (x[i], x[i + 1], x[i + 2])
+
+
+@kernel
+def _direction(
+    point: Record, phase: Record, mission: MissionRecords, x: Array, r: Vector
+) -> Vector:
+    """Return the thrust direction at a point, at the scaled position ``r``."""
+    if phase.steering == COASTING:
+        return (0.0, 0.0, 0.0)
+    if phase.steering == VERTICAL:
+        return local_vertical(r, mission.environment)
+    return _vector(x, point.control)
+
+
+@kernel
+def air_motion(
+    point: Record, phase: Record, mission: MissionRecords, units: Vector, x: Array
+) -> Vector:
+    """Return the acceleration by thrust and air at a point.
+
+    Args:
+        point: record POINT.
+        phase: record PHASE.
+        mission: its records.
+        units: of length, m, speed, m/s, and mass, kg.
+        x: shape (n,), variables.
+    """
+    at = 6 * (point.node + point.number)
+    r, v = scale(units[0], _vector(x, at)), scale(units[1], _vector(x, at + 3))
+    arc = mission.arcs[phase.arc]
+    s = point.fraction * x[phase.length]
+    left, _, _ = mass_at_end(phase, s, x[phase.mass])
+    per = units[0] / (units[1] * units[1] * units[2] * left)
+    motion = scale(per, drag(arc, r, v, mission.environment, mission.atmosphere))
+    if phase.steering == COASTING:
+        return motion
+    a = acceleration_terms(phase, s, x[phase.mass])[0]
+    a -= per * pressure_loss(arc, r, mission.environment, mission.atmosphere)
+    return axpy(a, _direction(point, phase, mission, x, r), motion)
+
+
+@kernel
+def local_gradient(
+    point: Record,
+    phase: Record,
+    mission: MissionRecords,
+    units: Vector,
+    field: Gravity,
+    x: Array,
+    gradient: Array,
+) -> Vector:
+    """Return the whole acceleration at a point; write its gradient by the local variables.
+
+    Args: as in :func:`air_motion`;
+        field: gravity in the units of the program.
+        gradient: shape (3, LOCALS), written.
+    """
+    environment, atmosphere = mission.environment, mission.atmosphere
+    at = 6 * (point.node + point.number)
+    r, v = _vector(x, at), _vector(x, at + 3)
+    place, velocity = scale(units[0], r), scale(units[1], v)
+    arc = mission.arcs[phase.arc]
+    s = point.fraction * x[phase.length]
+    left, left_s, left_m = mass_at_end(phase, s, x[phase.mass])
+    per = units[0] / (units[1] * units[1] * units[2] * left)
+    up = altitude_gradient(place, environment)
+    total, _ = gravity_terms(r, field, r)
+    for c in range(3):
+        _, by_r = gravity_terms(r, field, _AXES[c])
+        for i in range(3):
+            gradient[c, i] = by_r[i]
+            gradient[c, 3 + i] = 0.0
+            gradient[c, 8 + i] = 0.0
+    # what falls as the mass is left over: drag and pressure
+    falling = (0.0, 0.0, 0.0)
+    if arc.drag_area > 0.0:
+        force = drag_with_gradient(arc, place, velocity, up, environment, atmosphere)
+        falling = scale(per, force.force)
+        by_place = (force.by_x, force.by_y, force.by_z)
+        by_velocity = (force.by_u, force.by_v, force.by_w)
+        for i in range(3):
+            for c in range(3):
+                gradient[c, i] += per * units[0] * by_place[i][c]
+                gradient[c, 3 + i] += per * units[1] * by_velocity[i][c]
+    a, by_s, by_m = 0.0, 0.0, 0.0
+    u = _direction(point, phase, mission, x, place)
+    if phase.steering != COASTING:
+        a, by_s, by_m, _, _, _ = acceleration_terms(phase, s, x[phase.mass])
+        net = a
+        if arc.exit_area > 0.0:
+            lost, slope = _pressure_terms(arc, place, environment, atmosphere)
+            net -= per * lost
+            falling = axpy(-per * lost, u, falling)
+            for c in range(3):
+                for i in range(3):
+                    gradient[c, i] -= per * slope * units[0] * up[i] * u[c]
+        if phase.steering == VERTICAL:
+            _add_turn(environment, r, u, net, gradient)
+        for c in range(3):
+            gradient[c, 8 + c] = net
+    total = axpy(a, u, axpy(1.0, falling, total))
+    for c in range(3):
+        gradient[c, 6] = point.fraction * (by_s * u[c] - falling[c] * left_s / left)
+        gradient[c, 7] = by_m * u[c] - falling[c] * left_m / left
+    return total
+
+
+@kernel
+def _pressure_terms(
+    arc: Record, place: Vector, environment: Record, atmosphere: NDArray[Any]
+) -> tuple[float, float]:
+    """Return the loss of thrust by pressure, N, and its derivative by altitude, N/m."""
+    air = air_at(altitude(place, environment), environment, atmosphere)
+    lost = air.pressure * arc.exit_area
+    return lost, lost * air.pressure_slope
+
+
+@kernel
+def _add_turn(
+    environment: Record, r: Vector, u: Vector, net: float, gradient: Array
+) -> None:
+    """Add the change of a vertical thrust with the position."""
+    stretch = 1.0
+    if environment.altitude_model != ALTITUDE_SPHERICAL:
+        ratio = environment.equatorial_radius / environment.polar_radius
+        stretch = ratio * ratio
+    size = norm((r[0], r[1], stretch * r[2]))
+    for i in range(3):
+        k = (stretch if i == 2 else 1.0) * net / size
+        across = axpy(-u[i], u, _AXES[i])
+        for c in range(3):
+            gradient[c, i] += k * across[c]
