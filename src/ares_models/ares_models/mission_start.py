@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 #: Largest initial radius, in equatorial radii.
 MAX_INITIAL_RADII = 10.0
 #: Depth below the surface at which a vehicle at rest still stands on it, m: rounding.
-_ROUNDING_M = 1e-3
+ROUNDING_M = 1e-3
 #: Least perigee radius of an initial state by elements, m.
 LEAST_PERIGEE_M = 1.0
 
@@ -260,7 +260,7 @@ def check_initial_state(mission: "Mission") -> None:
         latitude, _ = earth.latitude_longitude(start.position, 0.0)
         surface = earth.surface_radius(latitude)
     if form.AT_REST:
-        surface -= _ROUNDING_M
+        surface -= ROUNDING_M
     if not surface < radius < farthest:
         fail(
             ("initial_state", form.PLACE),

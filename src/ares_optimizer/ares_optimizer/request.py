@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MISSION_TIME, NAVIGATION, MissionArrays
 from ares_models.mission import Mission
+from ares_models.mission_start import ROUNDING_M
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError
 
@@ -106,7 +107,8 @@ def check_state(arrays: MissionArrays, state: NDArray[np.void]) -> None:
         raise OptimizerError(f"state.mass is {row['mass']:g} kg; expected more than 0")
     radius = float(np.linalg.norm(row["position"]))
     ground = float(arrays.environment[0]["polar_radius"])
-    if radius < ground:
+    # a vehicle on its pad may be below by rounding
+    if radius < ground - ROUNDING_M:
         raise OptimizerError(
             f"state.position is {radius:,.0f} m from the Earth's centre; expected at least "
             f"{ground:,.0f} m"

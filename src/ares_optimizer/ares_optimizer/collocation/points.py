@@ -10,6 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import qr
 
 from ares_models.arrays import BURN
+from ares_models.kernels.aerodynamics import mach_number
 from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation.arrays import GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
@@ -31,6 +32,15 @@ _BINDING = 1e-8
 #: then aligns the directions of thrust.
 _IDLE = 1e-6
 _ALIGNING = 1e-4
+#: Mach number beyond which the drag coefficient is steady, change of it that counts as 1 rad of a
+#: turn, turn for each end of an active limit, rad, its duration, s, and samples of it all.
+_FASTEST_MACH = 4.0
+_MACH_TURN = 1.6
+_JUNCTION_TURN = 0.6
+_JUNCTION_S = 4.0
+#: Multiplier of a pressure limit, relative to the greatest, from which it acts.
+_ACTING = 1e-2
+_GRID = 4001
 #: Samples of a coast per state.
 _SAMPLES = 8
 
@@ -154,7 +164,11 @@ def align_directions(program: CollocationProgram, x: Array) -> None:
 
 
 def turning_of(found: FoundOptimum) -> Turning | None:
-    """Return the turn of the thrust over time; None without thrust."""
+    """Return the turn of the thrust over time; None without thrust.
+
+    In the air the Mach number, over which the drag coefficient changes, and the ends of active
+    pressure limits count too.
+    """
     program, x = found.program, found.point.x
     guided = np.flatnonzero(program.points["control"] >= 0)
     if not guided.size:
@@ -166,7 +180,53 @@ def turning_of(found: FoundOptimum) -> Turning | None:
     turns = np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1.0, 1.0))
     # ignore the direction as the thrust vanishes
     turns[np.diff(times) < SAME_LENGTH] = 0.0
-    return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
+    turned = Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
+    return _with_air(found, turned) if program.phases["in_air"].any() else turned
+
+
+def _with_air(found: FoundOptimum, turning: Turning) -> Turning:
+    """Add to a turn of the thrust what changes in the air."""
+    program, x = found.program, found.point.x
+    times = node_times(program, program.time * x[program.lengths])
+    states = x[: 6 * program.nodes].reshape(-1, 6) * np.repeat((program.radius, program.speed), 3)
+    surroundings = program.arrays.environment[0], program.arrays.atmosphere
+    mach = [mach_number(tuple(y[:3]), tuple(y[3:]), *surroundings) for y in states.tolist()]
+    changed = np.abs(np.diff(np.minimum(mach, _FASTEST_MACH))) / _MACH_TURN
+    grid = np.linspace(times[0], times[-1], _GRID)
+    turned = np.interp(grid, *turning)
+    turned += np.interp(grid, times, np.concatenate(([0.0], np.cumsum(changed))))
+    for junction in _junctions(found, times):
+        turned += _JUNCTION_TURN * np.clip((grid - junction) / _JUNCTION_S + 0.5, 0.0, 1.0)
+    return Turning(grid, turned)
+
+
+def acting_limits(found: FoundOptimum) -> set[tuple[int, int]]:
+    """Return the pressure limits that act, by the keys of ``limit_rows``."""
+    return {
+        key
+        for key, rows in found.program.limit_rows.items()
+        if np.abs(found.point.multipliers[rows]).max() > _BINDING
+    }
+
+
+def _junctions(found: FoundOptimum, times: Array) -> list[float]:
+    """Return the times at which pressure limits begin and cease to act, s.
+
+    Args:
+        found: a solution.
+        times: of its states, s.
+    """
+    program = found.program
+    junctions: list[float] = []
+    for rows in program.limit_rows.values():
+        nodes = program.rules["node"][np.isin(program.rules["row"], rows)]
+        size = np.abs(found.point.multipliers[rows])
+        active = size > _ACTING * size.max()
+        for i in np.flatnonzero(np.diff(active.astype(int))):
+            at = float(0.5 * (times[nodes[i]] + times[nodes[i + 1]]))
+            if size.max() > _BINDING and all(abs(at - t) > _JUNCTION_S for t in junctions):
+                junctions.append(at)
+    return junctions
 
 
 def is_saddle(found: FoundOptimum) -> bool:

@@ -6,14 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline, make_interp_spline
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, make_interp_spline
 
 from ares_models.floors import Floor
-from ares_optimizer.collocation.arrays import COASTING, GUIDED, VERTICAL
+from ares_models.tolerances import PRESSURE_SHARE
+from ares_optimizer.collocation.arrays import (
+    COASTING,
+    DYNAMIC_PRESSURE_RULE,
+    GUIDED,
+    Q_ALPHA_RULE,
+    VERTICAL,
+)
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
+    acting_limits,
     hamiltonian_spread,
     is_idle,
     lowest_in,
@@ -24,20 +32,27 @@ from ares_optimizer.collocation.search import Search, refined
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
-from ares_optimizer.proof.checks import constraint_table
+from ares_optimizer.proof.checks import constraint_table, pressure_peaks
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
-from ares_optimizer.solution import ConstraintCheck
+from ares_optimizer.solution import Check, ConstraintCheck
 
 #: Factors on the number of intervals of the refined programs.
 _FINER = (1.5, 3.0, 5.0)
-#: Largest relative spread of the Hamiltonian along a phase.
+#: Largest relative spread of the Hamiltonian along a phase, and along one with an active pressure
+#: limit: where that begins and ceases to act the multipliers jump within an interval.
 SPREAD = 1e-4
+PRESSURE_SPREAD = 5e-3
 #: Tolerance of the lowest point of a flight against its floor, m.
 SAG = 0.5
 #: Most solutions with adjusted floors.
 _MOST_LEVELS = 3
+#: Share of a pressure limit by which a flight may exceed it, and from which intervals are too long.
+_OVER = 0.9 * PRESSURE_SHARE
+_FAR_OVER = 2e-2
+#: Checks of the pressure limits, by kind of constraint.
+_CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_ALPHA}
 #: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
@@ -84,17 +99,23 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
                 break
             found = _with_levels(search, found, levels) or found
         adjoint = adjoint_of(found.program, found.point)
-        steady = hamiltonian_spread(found, adjoint) <= SPREAD
+        steady = hamiltonian_spread(found, adjoint) <= allowed_spread(found)
         if request.deadline.passed and not steady:
             break
         if not steady and finer < _FINER[-1]:
             continue
-        proven = _verified(search, found, adjoint)
+        proven = _within_limits(search, _verified(search, found, adjoint))
+        found = proven.found
         if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
             break
     if proven is None:
         proven = _verified(search, found, adjoint_of(found.program, found.point))
     return proven, tuple(floors.values())
+
+
+def allowed_spread(found: FoundOptimum) -> float:
+    """Return the largest relative spread of the Hamiltonian of a solution."""
+    return PRESSURE_SPREAD if acting_limits(found) else SPREAD
 
 
 def _with_levels(
@@ -109,6 +130,31 @@ def _with_levels(
     if not point.solved:
         return None
     return FoundOptimum(program, point, mass_of(program, point))
+
+
+def _within_limits(search: Search, proven: Proven) -> Proven:
+    """Narrow the pressure limits at the states until the flight between them keeps its own."""
+    factors = dict.fromkeys(proven.found.program.limit_rows, 1.0)
+    for _ in range(_MOST_LEVELS):
+        if proven.flight is None or search.request.deadline.passed:
+            break
+        program = proven.found.program
+        over = False
+        for stage, kind in factors:
+            most, limit = pressure_peaks(search.arrays, proven.flight, _CHECKS[kind])[stage]
+            if limit * (1.0 + _OVER) < most < limit * (1.0 + _FAR_OVER):
+                over = True
+                factors[stage, kind] *= limit * (1.0 + 0.5 * _OVER) / most
+        if not over:
+            break
+        program.scale_limits(factors)
+        point = solve_program(program, proven.found.point, search.request.deadline)
+        search.iterations += point.iterations
+        if not point.solved:
+            break
+        found = FoundOptimum(program, point, mass_of(program, point))
+        proven = _verified(search, found, adjoint_of(program, point))
+    return proven
 
 
 def _moved(found: FoundOptimum, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
@@ -201,18 +247,10 @@ def steering_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjo
 def _interpolated(
     program: CollocationProgram, p: int, times: Array, u: Array
 ) -> Callable[[float], Array]:
-    """Interpolate the directions at the Radau points of a phase, by a polynomial per interval."""
-    d = program.degree
-    pieces = [
-        BarycentricInterpolator(times[1 + k * d : 1 + (k + 1) * d], u[k * d : (k + 1) * d])
-        for k in range(int(program.intervals[p]))
-    ]
-    begins = times[:-1:d]
+    """Interpolate the directions at the Radau points of a phase by monotone cubics.
 
-    def law(t: float) -> Array:
-        k = min(max(int(np.searchsorted(begins, t, side="right")) - 1, 0), len(pieces) - 1)
-        return np.asarray(pieces[k](t))
-
+    They do not overshoot where the direction jumps at the end of a pressure limit.
+    """
     if times[-1] - times[0] < SAME_LENGTH or program.steering[p] != GUIDED:
         return lambda _: u[-1]
-    return law
+    return PchipInterpolator(times[1:], u)

@@ -23,7 +23,7 @@ from ares_optimizer.collocation.points import (
     lowest_in,
     times_of,
 )
-from ares_optimizer.collocation.refine import SAG, SPREAD, Proven
+from ares_optimizer.collocation.refine import SAG, Proven, allowed_spread
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
@@ -258,10 +258,11 @@ def verdict_of(
             Status.FEASIBLE,
             f"only one of {search.starts} first guesses led here: there may be a better flight",
         )
-    if spread > SPREAD:
+    most = allowed_spread(proven.found)
+    if spread > most:
         return Cause(
             Status.FEASIBLE,
-            f"the Hamiltonian is constant within {spread:.1e}; expected {SPREAD:g} at most",
+            f"the Hamiltonian is constant within {spread:.1e}; expected {most:g} at most",
         )
     touched = [
         floor.arc

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from ares_models.arrays import BURN, COAST, MissionArrays
 from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
+from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
+    acting_limits,
     align_directions,
     finer_guess,
     lowest_in,
@@ -39,12 +41,15 @@ from ares_optimizer.solution import OUT_OF_TIME, Cause, Status
 #: Relative difference of mass within which two solutions are the same local optimum. On coarse
 #: intervals floors hold at the states only.
 SAME_MASS = 3e-4
+#: The same between coarse and fine intervals where a pressure limit acts.
+LIMITED_MASS = 5e-3
 #: Difference of the lengths of free arcs, relative and in s, beyond which two solutions differ.
 _SAME_ARCS = 0.02
 _SAME_ARC_S = 1.0
 #: The search ends when so many starts led to the best solution. With a free coast it also needs so
 #: many starts, of which no other solution came from any and so few failed.
 _ENOUGH = 3
+_ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
@@ -144,7 +149,8 @@ class Search:
         A free coast may have several local optima: all starts are tried, unless the first ones,
         which cover the lengths, led to a single one.
         """
-        if self.again < _ENOUGH:
+        enough = _ENOUGH_IN_AIR if flies_in_air(self.arrays.arcs) else _ENOUGH
+        if self.again < enough:
             return False
         free = free_arcs(self.arrays, self.start[0])
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
@@ -224,8 +230,8 @@ class Search:
     def _first_point(self, program: CollocationProgram, guess: Array) -> StoppingPoint:
         """Solve a program from a first guess; pressure limits are narrowed in steps."""
         x, mu = guess, None
-        for factor in _LIMIT_STEPS if program.has_limits else (1.0,):
-            program.relax_limits(factor)
+        for factor in _LIMIT_STEPS if program.limit_rows else (1.0,):
+            program.scale_limits(dict.fromkeys(program.limit_rows, factor))
             point = solve_program(program, x, self.request.deadline, mu=mu, most=_MOST_FIRST)
             self.iterations += point.iterations
             if not point.solved:
@@ -433,12 +439,14 @@ def refined(
     if search.idle:
         align_directions(program, guess)
     known: FoundOptimum | None = None
-    for mu in (_NEAR, None):
+    limited = bool(acting_limits(found))
+    same = LIMITED_MASS if limited else SAME_MASS
+    for mu in (_CORNER, None) if limited else (_NEAR, None):
         point = solve_program(program, guess, search.request.deadline, mu=mu)
         search.iterations += point.iterations
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
             known = FoundOptimum(program, point, mass_of(program, point))
         # the barrier may lead away from the solution nearby
-        if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - SAME_MASS):
+        if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - same):
             break
     return known

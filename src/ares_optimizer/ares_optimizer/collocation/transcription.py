@@ -247,8 +247,8 @@ class CollocationProgram:
             if burning
             else (_COAST_TURN, _LEAST_COAST, _MOST_COAST)
         )
-        if self._in_air(piece):
-            step = _AIR_TURN
+        if self._in_air(piece) and burning:
+            step = _AIR_TURN if turning is None else 2.0 * _AIR_TURN
         count = min(max(math.ceil(orbit / step), least), most)
         if end - begin < _SHORT:
             count = 1
@@ -505,14 +505,20 @@ class CollocationProgram:
                 name = f"perigee in arc {floor.arc}"
                 add(PERIGEE_RULE, name, int(nodes[0]), floor.perigee_m)
             self.floor_rows[floor.arc] = list(range(before, len(rows.lower)))
+        #: Rows of the pressure limits of each stage, by stage and kind of constraint, in order of
+        #: time.
+        self.limit_rows: dict[tuple[int, int], list[int]] = {}
         for point in self.points:
             arc = self.arrays.arcs[self.segments[point["phase"]]["arc"]]
             node = int(point["node"] + point["number"])
-            most, across = float(arc["max_dynamic_pressure"]), float(arc["max_q_alpha"])
-            if math.isfinite(most):
-                add(DYNAMIC_PRESSURE_RULE, "dynamic pressure", node, most)
-            if math.isfinite(across) and point["control"] >= 0:
-                add(Q_ALPHA_RULE, "q alpha", node, across, int(point["control"]))
+            stage, control = int(arc["stage"]), int(point["control"])
+            for kind, name, most in (
+                (DYNAMIC_PRESSURE_RULE, "dynamic pressure", float(arc["max_dynamic_pressure"])),
+                (Q_ALPHA_RULE, "q alpha", float(arc["max_q_alpha"])),
+            ):
+                if math.isfinite(most) and (kind == DYNAMIC_PRESSURE_RULE or control >= 0):
+                    self.limit_rows.setdefault((stage, kind), []).append(len(rows.lower))
+                    add(kind, name, node, most, control if kind == Q_ALPHA_RULE else -1)
         orbits = orbits_of(self.arrays, self.start)
         #: For each coast that names an orbit, the phase that begins on it.
         self.orbit_phases = {k: self._after_thrust(k) for k in orbits if k in self.arc_phases}
@@ -523,17 +529,13 @@ class CollocationProgram:
             numbers = [rows.add(name, 0.0, 0.0) for _ in range(count)]
             rules.append((TARGET_RULE, node, numbers[0], count, i, -1, 0.0))
         self.rules = np.array(rules, RULE)
-        self._limits = np.isin(self.rules["kind"], (DYNAMIC_PRESSURE_RULE, Q_ALPHA_RULE))
-        self._limit_levels = self.rules["level"][self._limits].copy()
+        self._levels = self.rules["level"].copy()
 
-    @property
-    def has_limits(self) -> bool:
-        """Return true if the dynamic pressure or q alpha has limits."""
-        return bool(self._limits.any())
-
-    def relax_limits(self, factor: float) -> None:
-        """Multiply the limits of dynamic pressure and q alpha by a factor."""
-        self.rules["level"][self._limits] = factor * self._limit_levels
+    def scale_limits(self, factors: dict[tuple[int, int], float]) -> None:
+        """Multiply the pressure limits of stages by factors, by the keys of ``limit_rows``."""
+        for key, factor in factors.items():
+            own = np.isin(self.rules["row"], self.limit_rows[key])
+            self.rules["level"][own] = factor * self._levels[own]
 
     def _after_thrust(self, arc: int) -> int:
         """Return the first phase of a coast after the tail-off."""

@@ -16,6 +16,7 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.judge import Judgement, judge
+from ares_models.mission_start import ROUNDING_M
 from ares_models.tolerances import HEATING_W_M2, PRESSURE_SHARE, PROPELLANT_KG
 from ares_optimizer.proof.flight import Piece, ProofFlight
 from ares_optimizer.proof.physics import dynamic_pressure, elements, q_alpha, surface_radius
@@ -43,7 +44,7 @@ def judged_end(arrays: MissionArrays, flight: ProofFlight) -> Judgement:
         arrays.target[0],
         float(environment["mu"]),
         float(environment["equatorial_radius"]),
-        grounded=_lowest(arrays, flight) < 0.0,
+        grounded=_lowest(arrays, flight) < -ROUNDING_M,
     )
 
 
@@ -71,7 +72,7 @@ def constraint_table(
         *_target_checks(arrays, flight),
         *_jettison_checks(arrays, start, flight, heating),
         ConstraintCheck(
-            Check.LOWEST_ALTITUDE, "lowest altitude", lowest, 0.0, False, "m", lowest >= 0.0
+            Check.LOWEST_ALTITUDE, "lowest altitude", lowest, 0.0, False, "m", lowest >= -ROUNDING_M
         ),
         _at_most(
             Check.PROPELLANT,
@@ -87,24 +88,37 @@ def constraint_table(
 
 def _pressure_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
     """Return the checks of the dynamic pressure and of q alpha, one per stage that limits it."""
+    return [
+        _at_most(key, f"{name} of stage {stage}", most, limit, unit, PRESSURE_SHARE * limit)
+        for key, name, unit in _PRESSURES
+        for stage, (most, limit) in pressure_peaks(arrays, flight, key).items()
+    ]
+
+
+def pressure_peaks(
+    arrays: MissionArrays, flight: ProofFlight, key: Check
+) -> dict[int, tuple[float, float]]:
+    """Return the greatest pressure and its limit for each stage that has a limit.
+
+    Args:
+        arrays: the mission.
+        flight: from :func:`fly`.
+        key: DYNAMIC_PRESSURE, Pa, or Q_ALPHA, Pa rad.
+    """
     arcs = arrays.arcs
-    checks = []
+    name = "max_dynamic_pressure" if key is Check.DYNAMIC_PRESSURE else "max_q_alpha"
+    peaks = {}
     for stage in np.unique(arcs["stage"]):
         own = np.flatnonzero(arcs["stage"] == stage)
-        limits = arcs[own[0]]["max_dynamic_pressure"], arcs[own[0]]["max_q_alpha"]
-        pieces = [
-            piece
-            for piece in flight.pieces
-            if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
-        ]
-        for k, (key, name, unit) in enumerate(_PRESSURES):
-            limit = float(limits[k])
-            if math.isfinite(limit):
-                most = max((_peaks(arrays, piece)[k] for piece in pieces), default=0.0)
-                allowed = PRESSURE_SHARE * limit
-                name_of = f"{name} of stage {stage}"
-                checks.append(_at_most(key, name_of, most, limit, unit, allowed))
-    return checks
+        limit = float(arcs[own[0]][name])
+        if math.isfinite(limit):
+            values = [
+                _peak(arrays, piece, key)
+                for piece in flight.pieces
+                if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
+            ]
+            peaks[int(stage)] = max(values, default=0.0), limit
+    return peaks
 
 
 #: Kinds of pressure limits: check, name, unit.
@@ -114,16 +128,16 @@ _PRESSURES = (
 )
 
 
-def _peaks(arrays: MissionArrays, piece: Piece) -> tuple[float, float]:
-    """Return the greatest dynamic pressure, Pa, and q alpha, Pa rad, of a piece."""
-    times = np.linspace(piece.begin, piece.end, max(2, math.ceil(_PER_S * (piece.end - piece.begin))))
+def _peak(arrays: MissionArrays, piece: Piece, key: Check) -> float:
+    """Return the greatest dynamic pressure, Pa, or q alpha, Pa rad, of a piece."""
+    count = max(2, math.ceil(_PER_S * (piece.end - piece.begin)))
+    times = np.linspace(piece.begin, piece.end, count)
     states = piece.state(times).T
     r, v = states[:, :3], states[:, 3:6]
+    if key is Check.DYNAMIC_PRESSURE:
+        return float(dynamic_pressure(r, v, arrays).max())
     u = np.array([piece.direction(t) for t in times])
-    return (
-        float(dynamic_pressure(r, v, arrays).max()),
-        float(q_alpha(r, v, u, arrays).max()),
-    )
+    return float(q_alpha(r, v, u, arrays).max())
 
 
 def _target_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:

@@ -42,6 +42,8 @@ State = Callable[[Any], Array]
 Steering = Callable[[float, float], Direction]
 
 RELATIVE_TOLERANCE = 1e-11
+#: The same in the air, where steering and drag are smooth in pieces only.
+AIR_TOLERANCE = 1e-9
 ABSOLUTE_TOLERANCE = np.array([1e-6] * 3 + [1e-9] * 3 + [1e-6])
 SAMPLE_PERIOD = 1.0  # s; longer where a flight would have more than MOST_SAMPLES
 MOST_SAMPLES = 5000
@@ -185,7 +187,7 @@ def _integrate(
         span,
         y,
         method="DOP853",
-        rtol=RELATIVE_TOLERANCE,
+        rtol=AIR_TOLERANCE if in_air else RELATIVE_TOLERANCE,
         atol=ABSOLUTE_TOLERANCE,
         dense_output=True,
     )
