@@ -56,6 +56,8 @@ _CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_
 #: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
+#: Factor on these in the air, where the direction is interpolated; the target is judged apart.
+_LOOSER = 10.0
 #: Angle between thrust and primer beyond which the primer does not steer, rad.
 _ASIDE = 1e-2
 #: Thrust, relative to the greatest of a phase, at which the direction is not compared.
@@ -195,7 +197,10 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     held = Heating.IGNORED if request.heating is Heating.IGNORED else Heating.AT_JETTISON
     checks = constraint_table(planned, search.start[0], flight, held)
     off = flight.final[:6] - adjoint.state[-1]
-    exact = bool(np.linalg.norm(off[:3]) < _END_M and np.linalg.norm(off[3:]) < _END_M_S)
+    loose = _LOOSER if program.phases["in_air"].any() else 1.0
+    exact = bool(
+        np.linalg.norm(off[:3]) < loose * _END_M and np.linalg.norm(off[3:]) < loose * _END_M_S
+    )
     return Proven(found, adjoint, steering, flight, checks, exact)
 
 
