@@ -29,6 +29,7 @@ PHASE_CONVERGING = 1
 PHASE_TRACKING = 2
 PHASE_HOLD = 3
 PHASE_CUTOFF = 4
+PHASE_BOOST = 5
 
 ERROR_NONE = 0
 ERROR_NOT_CONVERGED = 1
@@ -436,6 +437,25 @@ LEG = np.dtype(
     align=True,
 )
 
+#: Largest number of knots of an attitude programme.
+MAX_PROGRAMME = 256
+
+#: Attitude in the air, planned off line: thrust direction over the speed in the air.
+PROGRAMME = np.dtype(
+    [
+        ("count", np.int64),  # number of knots; 0: no programme
+        ("active", np.int64),  # 1: it gave the last answer
+        ("over", np.int64),  # 1: the law has taken over
+        ("cycle", np.int64),  # guidance cycles flown by it
+        ("next_cycle_time", np.float64),
+        ("arc", np.int64, (MAX_PROGRAMME,)),  # index into the mission's arcs
+        ("time", np.float64, (MAX_PROGRAMME,)),  # s, mission elapsed time, as planned
+        ("speed", np.float64, (MAX_PROGRAMME,)),  # m/s in the air, not falling within a burn
+        ("direction", np.float64, (MAX_PROGRAMME, 3)),  # unit vectors
+    ],
+    align=True,
+)
+
 GUIDANCE_STATE = np.dtype(
     [
         ("law", np.int64),  # LAW_* of the last solution
@@ -473,6 +493,7 @@ GUIDANCE_STATE = np.dtype(
         ("turn", TURN_WORK),
         ("optimal", OPTIMAL_MEMORY),
         ("plan", PLAN),
+        ("programme", PROGRAMME),
         ("leg", LEG),
         ("avoid", AVOID),
     ],

@@ -3,11 +3,12 @@
 
 import math
 from dataclasses import dataclass, field, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import PLAN
+from ares_guidance.arrays import MAX_PROGRAMME, PLAN, PROGRAMME
 from ares_guidance.floor import check_floor, held_burns
 from ares_models.arrays import (
     BURN,
@@ -15,10 +16,14 @@ from ares_models.arrays import (
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
     MissionArrays,
+    Record,
 )
+from ares_models.kernels.aerodynamics import drag, pressure_loss
+from ares_models.kernels.environment import relative_velocity
+from ares_models.kernels.vectors import norm
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Elements, Insertion
-from ares_models.plans import coasts_long, leaves_arcs_free
+from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free
 
 Array = NDArray[np.float64]
 
@@ -35,6 +40,10 @@ ELONGATED = 0.5
 #: Eccentricity above which a leg before a coast that touches its floor constrains the perigee: a
 #: burn that lacks energy lowers the apogee then.
 OVAL = 0.1
+#: Acceleration by the forces of the air below which a law takes over from the programme, m/s2.
+HANDED_OVER_M_S2 = 0.01
+#: Time difference that is rounding, s.
+TIME_ROUNDING = 1e-6
 #: Smallest mass drop that counts as staging, as a fraction of the mass; rounding is smaller.
 LEAST_DROP = 1e-6
 
@@ -57,6 +66,30 @@ def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
     """Raise ValueError unless all elements of a mask are true."""
     if not np.all(sound):
         raise ValueError(f"{name}: expected {expected}")
+
+
+class Programme(NamedTuple):
+    """Hold an attitude programme, one entry per knot.
+
+    Attributes:
+        arc: index into the mission's arcs.
+        time: mission elapsed time as planned, s.
+        speed: in the air, m/s.
+        direction: of the thrust, unit vectors, shape (n, 3).
+    """
+
+    arc: NDArray[np.int64]
+    time: Array
+    speed: Array
+    direction: Array
+
+    def thinned(self, most: int) -> "Programme":
+        """Return the programme with at most so many knots; the ends of arcs are kept."""
+        stride = math.ceil(len(self.time) / (most - 2 * len(np.unique(self.arc))))
+        inside = np.arange(len(self.time)) % max(1, stride) == 0
+        ends = np.append(np.diff(self.arc) != 0, True)
+        keep = inside | ends | np.append(True, ends[:-1])
+        return Programme(*(column[keep] for column in self))
 
 
 @dataclass(frozen=True)
@@ -84,6 +117,7 @@ class ArcPlan:
         held: burns before a coast that is long or touches its floor, or before a burn that dips.
             Each ends a leg, even if its length is fixed.
         floored: those before a coast that touches its floor.
+        programme: attitude in the air; None: the flight is above it.
     """
 
     lengths_s: dict[int, float]
@@ -98,6 +132,17 @@ class ArcPlan:
     orbits: dict[int, Elements] = field(default_factory=dict)
     held: frozenset[int] = frozenset()
     floored: frozenset[int] = frozenset()
+    programme: Programme | None = None
+
+    def programme_record(self) -> NDArray[np.void]:
+        """Return the attitude programme for the kernels, shape (1,), dtype PROGRAMME."""
+        record = np.zeros(1, PROGRAMME)
+        if self.programme is not None:
+            count = len(self.programme.time)
+            record["count"] = count
+            for name, values in self.programme._asdict().items():
+                record[name][0, :count] = values
+        return record
 
     def record(self, arrays: MissionArrays) -> NDArray[np.void]:
         """Return the plan for the kernels, shape (1,), dtype PLAN.
@@ -206,6 +251,8 @@ class OfflineTrajectory:
         sample_time: s; the jettison is one of them.
         sample_position: shape (n, 3), m.
         sample_velocity: shape (n, 3), m/s.
+        sample_mass: kg.
+        sample_direction: of the thrust, shape (n, 3), unit; nan in a coast.
         flown_arc: indices of the mission's arcs from the present one on.
         flown_start_time, flown_end_time: start and end of each of these, s; the present arc
             starts in the past.
@@ -226,6 +273,8 @@ class OfflineTrajectory:
     sample_time: Array
     sample_position: Array
     sample_velocity: Array
+    sample_mass: Array
+    sample_direction: Array
     flown_arc: NDArray[np.int64]
     flown_start_time: Array
     flown_end_time: Array
@@ -392,7 +441,86 @@ class OfflineTrajectory:
             orbits,
             frozenset(lifts),
             frozenset(k for k, lift in lifts.items() if lift > 0.0),
+            self.programme(arrays) if flies_in_air(arcs) else None,
         )
+
+    def programme(self, arrays: MissionArrays) -> Programme | None:
+        """Return the attitude programme up to where the forces of the air are small.
+
+        Args:
+            arrays: the mission.
+
+        Returns:
+            None if they are small all along.
+        """
+        end = self._hand_over(arrays)
+        environment = arrays.environment[0]
+        parts = []
+        for k, start, stop in zip(
+            self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
+        ):
+            rows = self._rows_between(float(start), min(float(stop), end))
+            if start >= end - SAME_TIME or len(rows) < 2:
+                continue
+            speed = np.array([self._air_speed(i, environment) for i in rows])
+            parts.append(
+                Programme(
+                    np.full(len(rows), k),
+                    self.sample_time[rows],
+                    np.maximum.accumulate(speed),
+                    self.sample_direction[rows].copy(),
+                )
+            )
+        if not parts:
+            return None
+        # in a coast turn to the direction of the next burn, without one keep the last
+        ahead = self._direction_at(end)
+        for part in reversed(parts):
+            if arrays.arcs["kind"][part.arc[0]] != BURN:
+                part.direction[:] = ahead
+            ahead = part.direction[0]
+        whole = Programme(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        return whole.thinned(MAX_PROGRAMME)
+
+    def _hand_over(self, arrays: MissionArrays) -> float:
+        """Return the time from which the forces of the air are small, s; -inf: always."""
+        environment, atmosphere = arrays.environment[0], arrays.atmosphere
+        end = -math.inf
+        for k, start, stop in zip(
+            self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
+        ):
+            arc = arrays.arcs[k]
+            for i in self._rows_between(float(start), float(stop)):
+                r, v = self.sample_position[i], self.sample_velocity[i]
+                force = norm(drag(arc, tuple(r), tuple(v), environment, atmosphere))
+                force += pressure_loss(arc, tuple(r), environment, atmosphere)
+                if force > HANDED_OVER_M_S2 * self.sample_mass[i]:
+                    end = max(end, min(float(self.sample_time[i]) + 1.0, float(stop)))
+            if arc["vertical"]:
+                end = max(end, float(stop))
+        return end
+
+    def _air_speed(self, i: int, environment: Record) -> float:
+        """Return the speed in the air of a sample, m/s."""
+        r, v = tuple(self.sample_position[i]), tuple(self.sample_velocity[i])
+        return float(norm(relative_velocity(r, v, environment)))
+
+    def _rows_between(self, begin: float, end: float) -> NDArray[np.int64]:
+        """Return the samples between two events, s: of the two at each the one inside."""
+        time = self.sample_time
+        first = int(np.searchsorted(time, begin + TIME_ROUNDING, side="right")) - 1
+        last = int(np.searchsorted(time, end - TIME_ROUNDING, side="left"))
+        rows = np.arange(max(first, 0), min(last, len(time) - 1) + 1)
+        later = np.diff(time[rows], prepend=-math.inf) > TIME_ROUNDING
+        return rows[later]
+
+    def _direction_at(self, t: float) -> Array:
+        """Return the thrust direction of the first sample with thrust from a time on, s."""
+        known = np.isfinite(self.sample_direction).all(axis=1)
+        later = np.flatnonzero(known & (self.sample_time >= t - TIME_ROUNDING))
+        row = later[0] if later.size else np.flatnonzero(known)[-1]
+        direction: Array = self.sample_direction[row]
+        return direction
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:
         """Check that the flown arcs are the last arcs of a mission.

@@ -17,6 +17,7 @@ from ares_guidance.arrays import (
     LAW_PEG,
     MAX_SEGMENTS,
     NO_MEMORY,
+    PHASE_BOOST,
     PHASE_CONVERGING,
     PHASE_IDLE,
     OnboardArrays,
@@ -28,7 +29,7 @@ from ares_guidance.kernels.segments import TABLE_PIECES
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 from ares_models.mission_target import leaves_end_free
-from ares_models.plans import coasts_long, leaves_arcs_free, needs_plan
+from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs_plan
 
 
 def _setting(
@@ -284,6 +285,7 @@ def name_what_is_free(arrays: MissionArrays) -> str:
     """Name the quantities that a plan fixes: free arcs, the place on the target orbit."""
     parts = [name_free_arcs(arrays)] * leaves_arcs_free(arrays.arcs)
     parts += ["the burn before a long coast"] * coasts_long(arrays.arcs)
+    parts += ["the attitude in the air"] * flies_in_air(arrays.arcs)
     parts += ["the place on the target's orbit"] * leaves_end_free(arrays.target[0])
     return " and ".join(parts)
 
@@ -375,6 +377,7 @@ class Law:
         self.onboard = blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays)[0]
+            self.state["programme"] = self._arc_plan.programme_record()[0]
 
     @property
     def lacks_plan(self) -> bool:
@@ -464,14 +467,24 @@ class Law:
         return self.onboard.steering
 
     @property
+    def phase(self) -> int:
+        """Return the phase of guidance, PHASE_*: the law's, or PHASE_BOOST in the air."""
+        return PHASE_BOOST if self.state["programme"]["active"] else int(self.state["phase"])
+
+    @property
+    def cycle(self) -> int:
+        """Return the number of guidance cycles, of the programme and of the law."""
+        return int(self.state["programme"]["cycle"]) + int(self.state["cycle"])
+
+    @property
     def steered(self) -> bool:
         """Return whether the answer holds a thrust direction and may be flown."""
-        return bool(self.state["phase"] != PHASE_IDLE)
+        return self.phase != PHASE_IDLE
 
     @property
     def converged(self) -> bool:
         """Return whether the answer is a converged solution, or steering held from one."""
-        return bool(self.state["phase"] > PHASE_CONVERGING)
+        return self.phase > PHASE_CONVERGING
 
     def step(self, nav: Any) -> bool:
         """Answer one navigation state.
@@ -486,7 +499,7 @@ class Law:
             ValueError: the mission needs a plan, and there is none.
         """
         self.check_plan()
-        before = int(self.state["cycle"])
+        before = self.cycle
         self.onboard.navigation[0] = nav
         self._answer(self._arrays, self.onboard)
-        return int(self.state["cycle"]) != before
+        return self.cycle != before

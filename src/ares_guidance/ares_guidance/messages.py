@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.floor import lowest_coast
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings
@@ -201,7 +202,8 @@ class Answers:
     def jettison_after_cutoff(self) -> bool:
         """Return whether a heating jettison is aboard and the plan does not drop it."""
         aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
-        return bool(aboard and self.law.converged and self.law.steering[0]["jettison"] < 0)
+        solved = self.law.converged and self.law.phase != PHASE_BOOST
+        return bool(aboard and solved and self.law.steering[0]["jettison"] < 0)
 
     def status(self) -> GuidanceStatus:
         """Build the status of the law after the last cycle."""
@@ -215,9 +217,9 @@ class Answers:
             stamp=self._stamp,
             flight_id=flight_id,
             guidance_id=guidance_id,
-            cycle=int(state["cycle"]),
-            law=int(state["law"]),
-            phase=int(state["phase"]),
+            cycle=self.law.cycle,
+            law=int(state["law"]) or self.law.kind.code,
+            phase=self.law.phase,
             error_code=int(state["error"]),
             converged=self.law.converged,
             iterations=int(state["iterations"]),
@@ -266,6 +268,8 @@ def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
         sample_time=numbers(answer.sample_time),
         sample_position=vectors(answer.sample_position),
         sample_velocity=vectors(answer.sample_velocity),
+        sample_mass=numbers(answer.sample_mass),
+        sample_direction=vectors(answer.sample_direction),
         flown_arc=np.asarray(answer.flown_arc, dtype=np.int64),
         flown_start_time=numbers(answer.flown_start_time),
         flown_end_time=numbers(answer.flown_end_time),

@@ -524,7 +524,8 @@ class GuidanceNode(FlightNode):
 
     def _report(self, now: int) -> None:
         state = self._law.state
-        if int(state["phase"]) >= GuidanceStatus.PHASE_HOLD and not self._published_longest_cycle:
+        ends = self._law.phase in (GuidanceStatus.PHASE_HOLD, GuidanceStatus.PHASE_CUTOFF)
+        if ends and not self._published_longest_cycle:
             # later cycles only refine the cut-off
             self._published_longest_cycle = True
             milliseconds = f"{1e3 * self._longest_cycle_s:.6g}"

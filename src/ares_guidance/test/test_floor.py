@@ -47,6 +47,8 @@ def trajectory(orbit, length):
         sample_time=np.array([begin]),
         sample_position=position[None],
         sample_velocity=velocity[None],
+        sample_mass=np.ones(1),
+        sample_direction=np.array([[1.0, 0.0, 0.0]]),
         flown_arc=np.array([0, 1, 2, 3]),
         flown_start_time=np.array([0.0, 148.0, begin, end]),
         flown_end_time=np.array([148.0, begin, end, end + 10.0]),

@@ -107,6 +107,8 @@ def trajectory(**changes):
         "sample_time": np.array([0.0, 40.0, 40.0, 90.0]),
         "sample_position": np.array([[7e6, 0.0, 0.0]] * 4),
         "sample_velocity": np.array([[0.0, 7e3, 0.0], [1e3, 7e3, 0.0], [1e3, 7e3, 0.0], 3 * [0.0]]),
+        "sample_mass": np.array([100.0, 25.0, 20.0, 10.0]),
+        "sample_direction": np.array([east] * 4),
         "flown_arc": np.array([0, 1, 2]),
         "flown_start_time": np.array([0.0, 20.0, 25.0]),
         "flown_end_time": np.array([20.0, 25.0, 90.0]),

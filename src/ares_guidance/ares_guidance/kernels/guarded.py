@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Step of a law between its guards: navigation gate, impact-point avoidance, monitors.
 
+In the air the attitude programme answers in place of the law.
+
 `guidance_step` is PEG's; each law gets a copy of this module with its own step, a law
 with a memory of its own in place of `step_law`.
 """
@@ -16,6 +18,7 @@ from ares_guidance.kernels.impact import hand_back, keep_out
 from ares_guidance.kernels.legs import step_by_legs as guidance_step
 from ares_guidance.kernels.monitors import watch_answer
 from ares_guidance.kernels.navigation_gate import ACCEPTED, REFUSED, admit
+from ares_guidance.kernels.programme import flies_programme
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 
@@ -65,6 +68,8 @@ def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> N
         state.error = ERROR_NONE
     if watch.acquired != acquired and watch.accepted == 1:
         begin_anew(state)
+    if flies_programme(mission, onboard):
+        return
     if mission.environment.area_count > 0:
         hand_back(onboard)
     step_law(mission, onboard, memory)

@@ -7,6 +7,7 @@ from itertools import islice
 
 from ares_models.arrays import HEATING_LIMIT, TIME_AFTER_IGNITION, MissionArrays
 from ares_models.floors import floors_of
+from ares_models.plans import flies_in_air
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
@@ -30,7 +31,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
 
     Returns:
         the best solution of all starts. CONVERGED: first- and second-order conditions are met,
-        the Hamiltonian is constant within :data:`SPREAD`, and another integrator confirms the
+        the Hamiltonian is constant within :func:`allowed_spread`, and another integrator confirms the
         flight. FEASIBLE: the flight reaches the target, but one of these fails.
     """
     began = time.perf_counter()
@@ -39,6 +40,9 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         raise UnfitMethod("heating is 'from_jettison'; collocation takes at_jettison or ignored")
     if request.heating is Heating.IGNORED:
         arrays = _dropped_at_ignition(arrays)
+    if flies_in_air(arrays.arcs):
+        # pressure limits are narrowed by the flight that verifies them
+        request = replace(request, verify=True)
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
     for trial in islice(trials(arrays, start, floors), _MOST_STARTS):

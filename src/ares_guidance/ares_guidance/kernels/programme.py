@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fly the air by an attitude programme until the forces of the air are small.
+
+The programme is the optimizer's thrust direction over the speed in the air, not over time, so that
+a thrust that differs from the planned one moves the turn with it, as on the Space Shuttle and SLS.
+The law of the flight takes over at the last knot, or where an arc after it begins.
+"""
+
+import math
+
+from ares_guidance.arrays import Onboard
+from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import relative_velocity
+from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
+
+#: Time beyond the plan by which a burn stays in the programme, as a share of the burn.
+LATE_SHARE = 0.1
+
+
+@kernel
+def knots_of(programme: Record, arc: int) -> tuple[int, int]:
+    """Return the first and last knot of an arc; the last is before the first if it has none."""
+    first = 0
+    while first < programme.count and programme.arc[first] != arc:
+        first += 1
+    last = first - 1
+    while last + 1 < programme.count and programme.arc[last + 1] == arc:
+        last += 1
+    return first, last
+
+
+@kernel
+def planned_time(
+    programme: Record, first: int, last: int, nav: Record, speed: float, burns: bool
+) -> float:
+    """Return the planned time of a speed in the air, s; in a coast that since its begin.
+
+    Args:
+        programme: record PROGRAMME.
+        first: knot at the begin of the present arc.
+        last: knot at its end.
+        nav: record NAVIGATION.
+        speed: in the air, m/s.
+        burns: the arc is a burn.
+    """
+    if not burns:
+        return programme.time[first] + nav.time - nav.arc_start_time
+    if speed <= programme.speed[first]:
+        return float(programme.time[first])
+    k = first
+    while k < last and programme.speed[k + 1] <= speed:
+        k += 1
+    if k == last:
+        return float(programme.time[last])
+    rise = programme.speed[k + 1] - programme.speed[k]
+    part = (speed - programme.speed[k]) / rise if rise > 0.0 else 1.0
+    return float(programme.time[k] + part * (programme.time[k + 1] - programme.time[k]))
+
+
+@kernel
+def hands_over(mission: MissionRecords, programme: Record, nav: Record, speed: float) -> bool:
+    """Return whether the law takes over from the programme.
+
+    Args:
+        mission: as guidance believes it.
+        programme: record PROGRAMME.
+        nav: record NAVIGATION.
+        speed: in the air, m/s.
+    """
+    end = programme.count - 1
+    if nav.arc != programme.arc[end]:
+        return bool(nav.arc > programme.arc[end])
+    first, _ = knots_of(programme, nav.arc)
+    length = programme.time[end] - programme.time[first]
+    since = nav.time - nav.arc_start_time
+    if mission.arcs[nav.arc].kind != BURN:
+        return bool(since >= length)
+    # a weak engine may never reach the speed
+    return bool(speed >= programme.speed[end] or since > (1.0 + LATE_SHARE) * length)
+
+
+@kernel
+def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Answer one navigation state by the programme; return False if the law is to answer.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: state of guidance: its programme and its steering are changed.
+    """
+    nav = onboard.navigation
+    programme = onboard.state.programme
+    programme.active = 0
+    if programme.count == 0 or programme.over == 1:
+        return False
+    speed = norm(relative_velocity(load(nav.position), load(nav.velocity), mission.environment))
+    if hands_over(mission, programme, nav, speed):
+        programme.over = 1
+        return False
+    programme.active = 1
+    first, last = knots_of(programme, nav.arc)
+    burns = mission.arcs[nav.arc].kind == BURN
+    at = planned_time(programme, first, last, nav, speed, burns)
+    k = first
+    while k + 1 < last and programme.time[k + 1] <= at:
+        k += 1
+    begin, end = load(programme.direction[k]), load(programme.direction[min(k + 1, last)])
+    span = programme.time[min(k + 1, last)] - programme.time[k]
+    rate = scale(1.0 / span, sub(end, begin)) if span > 0.0 else (0.0, 0.0, 0.0)
+    steering = onboard.steering
+    steering.reference_time = nav.time
+    store(steering.direction, unit(add(begin, scale(at - programme.time[k], rate))))
+    store(steering.direction_rate, rate)
+    steering.cutoff_time = math.nan
+    steering.jettison = -1
+    steering.jettison_time = math.nan
+    for j in range(MAX_ARCS):
+        steering.arc_end_times[j] = math.nan
+    if nav.time >= programme.next_cycle_time - 1e-9:
+        programme.cycle += 1
+        programme.next_cycle_time = nav.time + onboard.settings.cycle_period
+    return True
