@@ -13,7 +13,11 @@ from ares_guidance.floor import check_floor, held_burns
 from ares_models.arrays import (
     BURN,
     NAMES_ARGUMENT_OF_PERIGEE,
+    NAMES_ASCENDING_NODE,
+    NAMES_INCLINATION,
+    TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
     MissionArrays,
     Record,
@@ -144,11 +148,13 @@ class ArcPlan:
                 record[name][0, :count] = values
         return record
 
-    def record(self, arrays: MissionArrays) -> NDArray[np.void]:
+    def record(self, arrays: MissionArrays, holds_plane: bool = False) -> NDArray[np.void]:
         """Return the plan for the kernels, shape (1,), dtype PLAN.
 
         Args:
             arrays: the mission.
+            holds_plane: the law meets any plane of the target's inclination at a cost: from the
+                ground it aims at the planned one.
 
         Raises:
             ValueError: a length or an end state is missing, or a length is negative.
@@ -169,6 +175,8 @@ class ArcPlan:
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
             record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
+        if holds_plane and self.programme is not None:
+            self._aim_at_plane(record[0], arrays)
         for k in np.flatnonzero(np.isinf(arcs["duration"]) | ends):
             if k < self.first_arc:
                 continue
@@ -201,6 +209,28 @@ class ArcPlan:
             record["ignition"][0, index] = self.ignitions[index]
         record["jettison_time"] = self.jettison_time_s
         return record
+
+    def _aim_at_plane(self, record: np.void, arrays: MissionArrays) -> None:
+        """Aim at the planned ascending node if the target leaves it free.
+
+        Args:
+            record: record PLAN. Changed.
+            arrays: the mission.
+        """
+        last = len(arrays.arcs) - 1
+        if not record["aims"]:
+            record["target"][last] = arrays.target[0]
+        target = record["target"][last]
+        named = int(target["named"])
+        inclined = named & (NAMES_INCLINATION | NAMES_ASCENDING_NODE) == NAMES_INCLINATION
+        if target["kind"] == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+            target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
+        elif target["kind"] == TARGET_ELEMENTS and inclined:
+            target["named"] = named | NAMES_ASCENDING_NODE
+        else:
+            return
+        record["aims"] = 1
+        target["ascending_node"] = np.nan_to_num(self._end(last).ascending_node)
 
     def _hold_perigee(self, target: np.void, k: int, least: float) -> None:
         """Aim a leg at its planned orbit, place free, if that is bound and elongated.

@@ -376,7 +376,7 @@ class Law:
         """Initialize the arrays of guidance for a flight, with the plan."""
         self.onboard = blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
-            self.state["plan"] = self._arc_plan.record(self._arrays)[0]
+            self.state["plan"] = self._arc_plan.record(self._arrays, not self.kind.meets_place)[0]
             self.state["programme"] = self._arc_plan.programme_record()[0]
 
     @property
