@@ -140,7 +140,7 @@ def facts_of(mission: "Mission") -> MissionFacts:
     """Return the facts of a mission."""
     from ares_models.mission_target import target_record
 
-    heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.jettisons]
+    heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.drops]
     return MissionFacts(
         name=mission.name,
         title=mission.title,

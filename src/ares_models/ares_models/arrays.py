@@ -127,6 +127,7 @@ ARC = np.dtype(
         ("orbit", TARGET),  # of a coast, as far as its elements are named
         ("held", np.int64),  # 1: the direction at ignition is held
         ("vertical", np.int64),  # 1: the thrust is along the local vertical
+        ("continues", np.int64),  # 1: the engines of the burn before it burn on, none is lit
         # flight in the air: drag, and ambient pressure on the nozzles
         ("drag_area", np.float64),  # m2, reference area; 0: no drag
         ("drag_knots", np.int64),  # of the drag coefficient over Mach, constant beyond both ends

@@ -141,9 +141,9 @@ def check_failure(failure: Failure, mission: Mission) -> None:
     ):
         burns = ", ".join(str(k) for k, arc in enumerate(kinds) if arc == BURN)
         raise FailureError(f"failure {kind}: arc is {failure.arc}; expected a burn: {burns}")
-    if kind is FailureKind.STUCK_JETTISON and not 0 <= failure.jettison < len(mission.jettisons):
-        last = len(mission.jettisons) - 1
+    if kind is FailureKind.STUCK_JETTISON and not 0 <= failure.jettison < len(mission.drops):
+        last = len(mission.drops) - 1
         raise FailureError(
             f"failure {kind}: jettison is {failure.jettison}; "
-            + (f"expected 0 to {last}" if mission.jettisons else "the mission has none")
+            + (f"expected 0 to {last}" if mission.drops else "the mission has none")
         )

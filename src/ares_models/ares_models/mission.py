@@ -38,6 +38,7 @@ from ares_models.input_file import (
 )
 from ares_models.mission_arcs import BurnArc, CoastArc, EngineOut, Table, shortest
 from ares_models.mission_areas import write_areas
+from ares_models.mission_boosters import Booster, part_row
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_keys import Load, Moment, Part, Text, not_there
 from ares_models.mission_masses import ignition_mass
@@ -173,17 +174,17 @@ class Mission(Part):
     def arc_names(self) -> tuple[str, ...]:
         """Return one name per arc in flight order: its own, or the stage's.
 
-        A burn that rises vertically, or loses engines, is two arcs, before and after.
+        A burn that rises vertically, has boosters or loses engines is several arcs.
         """
         names = []
         for stage in self.stages:
-            for arc in stage.flight_arcs:
-                name = arc.name or stage.name
-                if isinstance(arc, BurnArc) and arc.vertical_rise_s is not None:
-                    names.append(f"{name}, vertical rise")
-                names.append(name)
-                if isinstance(arc, BurnArc) and arc.engine_out:
-                    names.append(f"{name}, engine out")
+            for k, arc in enumerate(stage.flight_arcs):
+                if isinstance(arc, CoastArc):
+                    names.append(arc.name or stage.name)
+                    continue
+                names += [part.name for part in stage.parts_of(k, self.environment.g0_m_s2)]
+                if arc.engine_out:
+                    names.append(f"{names[-1]}, engine out")
         return tuple(names)
 
     @property
@@ -203,9 +204,25 @@ class Mission(Part):
         return needs_plan(self._arc_array(True), target_record(self)[0])
 
     @property
+    def drops(self) -> tuple[Jettison, ...]:
+        """Return what is dropped: the jettisons of the file, then the boosters as they burn out."""
+        g0 = self.environment.g0_m_s2
+        boosters = [
+            Jettison(
+                name=booster.name,
+                mass_kg=booster.count * booster.dry_mass_kg,
+                stage=stage.name,
+                time_after_ignition_s=booster.end_s(g0),
+            )
+            for stage in self.stages
+            for booster in stage.boosters
+        ]
+        return (*self.jettisons, *boosters)
+
+    @property
     def jettison_names(self) -> tuple[str, ...]:
-        """Return the names of the jettisons in the order of the file and of ``jettisoned``."""
-        return tuple(jettison.name for jettison in self.jettisons)
+        """Return the names of all drops in the order of ``jettisoned``."""
+        return tuple(jettison.name for jettison in self.drops)
 
     def with_names(self, text: str) -> str:
         """Put the name of an arc or a jettison behind each number in a text, as in "arc 1"."""
@@ -226,16 +243,17 @@ class Mission(Part):
     def jettison_mass(self, stage: int) -> float:
         """Return the mass of the jettisons of a stage, kg."""
         name = self.stages[stage].name
-        return sum(jettison.mass_kg for jettison in self.jettisons if jettison.stage == name)
+        return sum(jettison.mass_kg for jettison in self.drops if jettison.stage == name)
 
     def ignition_mass(self, stage: int) -> float:
         """Return the mass of a stage and all above it at its start, kg: as given, or by item."""
         return ignition_mass(self, stage)
 
     def fixed_propellant(self, stage: int) -> float:
-        """Return the propellant of a stage's burns of fixed length, kg."""
+        """Return the propellant of a stage's burns of fixed length and of its boosters, kg."""
         part = self.stages[stage]
-        return part.fixed_propellant(self.environment.g0_m_s2, self.ignition_mass(stage))
+        core = part.fixed_propellant(self.environment.g0_m_s2, self.ignition_mass(stage))
+        return core + part.booster_propellant_kg
 
     def ignition_times(self) -> tuple[float, ...]:
         """Return the earliest mission elapsed time of each stage's first ignition command, s."""
@@ -251,17 +269,18 @@ class Mission(Part):
         return tuple(times)
 
     def propellant(self, stage: int) -> float:
-        """Return the usable propellant of a stage, kg: as given, or by default.
+        """Return the usable propellant of a stage and its boosters, kg: as given, or by default.
 
         The default is the propellant of the burns of fixed length; with a free burn, 95 % of the
         stage's ignition mass without its own jettisons.
         """
         part = self.stages[stage]
         if part.propellant_kg is not None:
-            if any(burn.thrust_table is not None for burn in part.burns):
+            given = part.propellant_kg + part.booster_propellant_kg
+            if part.boosters or any(burn.thrust_table is not None for burn in part.burns):
                 # a rounded value must not end the burn before its table
-                return max(part.propellant_kg, self.fixed_propellant(stage))
-            return part.propellant_kg
+                return max(given, self.fixed_propellant(stage))
+            return given
         if any(arc.free for arc in part.burns):
             own = self.ignition_mass(stage) - self.jettison_mass(stage)
             return DEFAULT_PROPELLANT_SHARE * own
@@ -397,8 +416,12 @@ class Mission(Part):
                     self._write_coast(arc, row)
                 if isinstance(arc, BurnArc):
                     self._write_burn(arc, row)
-                    if arc.vertical_rise_s is not None:
-                        rows.append(_rise_vertically(row, arc.vertical_rise_s))
+                    parts_here = stage.parts_of(k, self.environment.g0_m_s2)
+                    if len(parts_here) > 1 or parts_here[0].lit:
+                        rows[-1:] = [
+                            part_row(row, part, part is parts_here[-1], self.environment.g0_m_s2)
+                            for part in parts_here
+                        ]
                     if arc.engine_out:
                         rows.append(_lose_engines(row, arc.engine_out, foreseen))
         return np.concatenate(rows)
@@ -463,8 +486,8 @@ class Mission(Part):
         row["start_loss"] = table.time_s[-1] - table.impulse / row["thrust"]
 
     def _jettison_array(self) -> NDArray[np.void]:
-        records = np.zeros(len(self.jettisons), layout.JETTISON)
-        for record, jettison in zip(records, self.jettisons, strict=True):
+        records = np.zeros(len(self.drops), layout.JETTISON)
+        for record, jettison in zip(records, self.drops, strict=True):
             record["mass"] = jettison.mass_kg
             record["stage"] = self.stage_names.index(jettison.stage)
             if jettison.heating_limit_w_m2 is not None:
@@ -477,19 +500,6 @@ class Mission(Part):
                 record["criterion"] = layout.TIME_AFTER_IGNITION
                 record["value"] = jettison.time_after_ignition_s
         return records
-
-
-def _rise_vertically(before: NDArray[np.void], rise_s: float) -> NDArray[np.void]:
-    """Build the arc after a vertical rise, and shorten the burn before it to the rise."""
-    after = before.copy()
-    after["begins_stage"] = 0
-    after["duration"] -= rise_s
-    before["vertical"] = 1
-    before["duration"] = before["shortest"] = before["longest"] = rise_s
-    after["shortest"] = after["longest"] = after["duration"]
-    for name in ("tail_knots", "tail_gain"):
-        before[name] = 0
-    return after
 
 
 def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) -> NDArray[np.void]:
@@ -588,6 +598,7 @@ _MODELS: dict[str, type[Part]] = {
     "atmosphere": parts.AtmospherePart,
     "aerodynamics": parts.AerodynamicsPart,
     "stages": parts.Stage,
+    "boosters": Booster,
     "jettisons": parts.Jettison,
     "engine_out": EngineOut,
     "abort": parts.AbortPart,

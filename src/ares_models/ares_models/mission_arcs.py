@@ -42,9 +42,16 @@ from ares_models.mission_keys import (
 from ares_models.ranges import Range
 
 
-def _check_curve(
+def check_curve(
     key: str, curve: tuple[tuple[float, float], ...] | None, end: float | None = None
 ) -> None:
+    """Report knots of a curve over time that are out of order, or a wrong end.
+
+    Args:
+        key: of the curve.
+        curve: its knots; None: there is none.
+        end: value of the last knot; None: any.
+    """
     if curve is None:
         return
     if curve[0][0] != 0.0:
@@ -269,8 +276,8 @@ class BurnArc(Part):
             fail(
                 ("engines",), self.engines, "1, the table being of all motors, beside thrust_table"
             )
-        _check_curve("thrust_table", thrust)
-        _check_curve("mass_flow_table", self.mass_flow_table)
+        check_curve("thrust_table", thrust)
+        check_curve("mass_flow_table", self.mass_flow_table)
         if self.mass_flow_table is None:
             if self.isp_s is None:
                 fail(("isp_s",), None, "a number in s, or a mass_flow_table in its place")
@@ -327,8 +334,8 @@ class BurnArc(Part):
                 fail((key,), getattr(self, key), "no such key beside max_acceleration_m_s2")
 
     def _check_curves(self) -> None:
-        _check_curve("start", self.start, 1.0)
-        _check_curve("tail_off", self.tail_off, 0.0)
+        check_curve("start", self.start, 1.0)
+        check_curve("tail_off", self.tail_off, 0.0)
         if self.start and self.duration_s < self.start[-1][0]:
             fail(
                 ("burn_time_s",),

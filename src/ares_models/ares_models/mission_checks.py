@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
 from ares_models.mission_arcs import BurnArc, CoastArc, shortest
 from ares_models.mission_areas import check_areas
+from ares_models.mission_boosters import check_boosters
 from ares_models.mission_keys import fail
 from ares_models.mission_masses import check_mass_forms, check_masses
 from ares_models.mission_parts import Stage
-from ares_models.mission_physics import check_body, check_engines, check_flight_time
+from ares_models.mission_physics import (
+    check_body,
+    check_engines,
+    check_flight_time,
+    check_lift_off,
+)
 from ares_models.mission_start import check_initial_state
 
 if TYPE_CHECKING:
@@ -32,8 +38,11 @@ def check_mission(mission: "Mission") -> None:
     _check_free_arcs(mission)
     _check_parking_orbits(mission)
     _check_curves_fit(mission)
+    for i, stage in enumerate(mission.stages):
+        check_boosters(("stages", i), stage, mission.environment.g0_m_s2)
     check_masses(mission)
     check_engines(mission)
+    check_lift_off(mission)
     _check_jettison_times(mission)
     check_flight_time(mission)
     _check_heating_limits(mission)
@@ -56,8 +65,9 @@ def _check_names(mission: "Mission") -> None:
                 jettison.stage,
                 "the name of a stage: " + ", ".join(mission.stage_names),
             )
-    if len(mission.jettisons) > MAX_JETTISONS:
-        fail(("jettisons",), list(mission.jettisons), f"at most {MAX_JETTISONS} jettisons")
+    if len(mission.drops) > MAX_JETTISONS:
+        expected = f"at most {MAX_JETTISONS} jettisons and kinds of boosters"
+        fail(("jettisons",), list(mission.jettison_names), expected)
     arcs = len(mission.arc_names)
     if arcs > MAX_ARCS:
         fail(("stages",), arcs, f"at most {MAX_ARCS} arcs in all stages together")

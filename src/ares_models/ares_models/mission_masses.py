@@ -71,7 +71,8 @@ def ignition_mass(mission: "Mission", stage: int) -> float:
     else:
         above = sum(getattr(mission, key) or 0.0 for key in _LOADS)
     items = (part.dry_mass_kg, part.propellant_kg, part.residuals_kg)
-    return sum(item or 0.0 for item in items) + mission.jettison_mass(stage) + above
+    own = sum(item or 0.0 for item in items) + part.booster_propellant_kg
+    return own + mission.jettison_mass(stage) + above
 
 
 def check_masses(mission: "Mission") -> None:
@@ -92,7 +93,7 @@ def check_masses(mission: "Mission") -> None:
                 f"more than the {aboard:,.6g} kg of jettisons that it contains",
             )
         after = mission.ignition_mass(i + 1) if i + 1 < len(stages) else 0.0
-        room = whole - own - after
+        room = whole - own - after - stage.booster_propellant_kg
         slack = _MASS_ROUNDING * whole
         if after and room <= 0.0:
             fail(
@@ -106,7 +107,7 @@ def check_masses(mission: "Mission") -> None:
                 stage.propellant_kg,
                 f"at most the {room:,.9g} kg that the stage can lose",
             )
-        used = mission.fixed_propellant(i)
+        used = mission.fixed_propellant(i) - stage.booster_propellant_kg
         usable = room if stage.propellant_kg is None else stage.propellant_kg
         if used > usable + slack:
             k = max(

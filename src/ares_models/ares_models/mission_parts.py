@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from ares_models.arrays import MAX_ARCS, MAX_AREAS
 from ares_models.mission_arcs import BURN_FORMS, Arc, BurnArc, CoastArc, EngineOut
+from ares_models.mission_boosters import Booster, BurnPart, burn_parts
 from ares_models.mission_keys import (
     Acceleration,
     Area,
@@ -206,6 +207,9 @@ class AbortPart(Part):
     )
 
 
+#: Largest number of kinds of boosters of a stage.
+MAX_BOOSTERS = 4
+
 _SHORTHAND = tuple(key for key in BurnArc.model_fields if key != "name")
 
 
@@ -245,6 +249,11 @@ class Stage(Part):
         default=None,
         description="burns and coasts in order",
         json_schema_extra={"maxItems": MAX_ARCS},
+    )
+    boosters: Annotated[tuple[Booster, ...], Field(max_length=MAX_BOOSTERS)] = Field(
+        default=(),
+        exclude_if=lambda boosters: not boosters,
+        description="what burns beside the first burn of the stage, and drops when it is empty",
     )
     aerodynamics: AerodynamicsPart | None = Field(
         default=None,
@@ -305,8 +314,21 @@ class Stage(Part):
         """Return the arcs with thrust."""
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
 
+    @property
+    def booster_propellant_kg(self) -> float:
+        """Return the propellant of all boosters."""
+        return sum(booster.count * booster.propellant_kg for booster in self.boosters)
+
+    def parts_of(self, k: int, g0: float) -> tuple[BurnPart, ...]:
+        """Return the parts of burn ``k`` that are arcs for the kernels; g0 in m/s2."""
+        arc = self.flight_arcs[k]
+        if not isinstance(arc, BurnArc):
+            raise TypeError(f"arc {k} is a coast")
+        first = not any(isinstance(before, BurnArc) for before in self.flight_arcs[:k])
+        return burn_parts(arc.name or self.name, arc, self.boosters if first else (), g0)
+
     def fixed_propellant(self, g0: float, mass_kg: float) -> float:
-        """Compute the propellant of all burns of fixed length, kg.
+        """Compute the propellant of all burns of fixed length without boosters, kg.
 
         Args:
             g0: m/s2.

@@ -8,6 +8,8 @@ import math
 from typing import TYPE_CHECKING
 
 from ares_models.input_file import KeyPath, format_number
+from ares_models.kernels.aerodynamics import pressure_loss
+from ares_models.kernels.environment import gravity
 from ares_models.mission_arcs import BurnArc
 from ares_models.mission_keys import MAX_FLIGHT_S, MIN_TIME_S, fail
 from ares_models.ranges import Range
@@ -90,6 +92,34 @@ def check_engines(mission: "Mission") -> None:
             ("stages", len(mission.stages) - 1, "propellant_kg"),
             last.propellant_kg,
             f"at most {most:.9g} kg of the last stage",
+        )
+
+
+def check_lift_off(mission: "Mission") -> None:
+    """Check that a vehicle at rest on its pad leaves it: thrust in its air against weight.
+
+    Raises:
+        PydanticCustomError: it does not.
+    """
+    if not mission.initial_state.AT_REST:
+        return
+    arc = mission.stages[0].flight_arcs[0]
+    path: KeyPath = ("stages", 0, *mission.stages[0].arc_path(0))
+    if not isinstance(arc, BurnArc):
+        fail((*path, "coast_s"), arc.coast_s, "a burn, from the pad")
+    arrays, start = mission.arrays(), mission.start()
+    first, environment = arrays.arcs[0], arrays.environment[0]
+    r = tuple(start.position.tolist())
+    ambient = pressure_loss(first, r, environment, arrays.atmosphere)
+    fraction = float(first["start_fraction"][0]) if first["tabled"] else 1.0
+    net = fraction * float(first["thrust"]) - ambient
+    weight = start.mass_kg * math.hypot(*gravity(r, environment))
+    if net <= weight:
+        fail(
+            (*path, "thrust_n"),
+            arc.thrust_n,
+            f"more thrust than weight at lift-off; there are {net:,.0f} N in the air of the pad "
+            f"against {weight:,.0f} N",
         )
 
 

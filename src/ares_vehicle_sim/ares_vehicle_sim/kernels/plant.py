@@ -19,7 +19,14 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.jit import kernel
-from ares_models.kernels.aerodynamics import drag, is_in_air, local_vertical, pressure_loss
+from ares_models.kernels.aerodynamics import (
+    drag,
+    dynamic_pressure,
+    is_in_air,
+    local_vertical,
+    mach_number,
+    pressure_loss,
+)
 from ares_models.kernels.environment import (
     altitude,
     density,
@@ -59,6 +66,7 @@ from ares_models.kernels.vectors import (
     add,
     angle_between,
     axpy,
+    dot,
     load,
     norm,
     scale,
@@ -96,6 +104,8 @@ from ares_vehicle_sim.kernels.failures import (
 SLEW_STEP = 0.02
 #: Largest number of integration steps between two navigation states.
 MOST_STEPS = 1e7
+#: Speed in the air below which a vehicle has no angle of attack, m/s.
+SLOW_AIR = 1e-3
 #: Largest absolute time for a clock in nanoseconds, s.
 LATEST_CLOCK = 1e9
 
@@ -230,7 +240,7 @@ def begin_arc(plant: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]
     enter_arc(plant, k, arcs, jettisons)
     if arc.begins_stage == 1 and k > 0:
         log_event(plant, STAGING, arc.stage)
-    if arc.kind == BURN and not fails_to_ignite(plant, k):
+    if arc.kind == BURN and arc.continues == 0 and not fails_to_ignite(plant, k):
         log_event(plant, IGNITION, k)
 
 
@@ -668,13 +678,24 @@ def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     store(truth.velocity, v)
     truth.mass = plant.mass
     store(truth.thrust_direction, load(plant.direction))
+    u = load(plant.direction)
+    arc = mission.arcs[plant.arc]
     thrust, truth.mass_flow = thrust_now(plant, mission.arcs, plant.time)
     if thrust > 0.0:
-        arc = mission.arcs[plant.arc]
         thrust = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
     truth.thrust = thrust
+    force = axpy(thrust, u, drag(arc, r, v, environment, mission.atmosphere))
+    along = dot(force, u)
+    truth.axial_acceleration = along / plant.mass
+    truth.lateral_acceleration = norm(axpy(-along, u, force)) / plant.mass
+    relative = relative_velocity(r, v, environment)
+    truth.dynamic_pressure = dynamic_pressure(r, v, environment, mission.atmosphere)
+    truth.mach = mach_number(r, v, environment, mission.atmosphere)
+    truth.angle_of_attack = 0.0
+    if norm(relative) > SLOW_AIR and truth.dynamic_pressure > 0.0:
+        truth.angle_of_attack = angle_between(u, unit(relative))
     truth.altitude = altitude(r, environment)
-    truth.relative_speed = norm(relative_velocity(r, v, environment))
+    truth.relative_speed = norm(relative)
     _, _, truth.flight_path_angle, truth.inclination, truth.ascending_node = insertion_quantities(
         r, v
     )

@@ -330,7 +330,7 @@ class ViewNode(FlightNode):
         self._forward(FLIGHT_EVENT, ns_from_stamp(event.stamp), event)
         if event.type in LABELS:
             text = LABELS[event.type]
-            if event.type == FlightEvent.JETTISON and event.index < len(shown.mission.jettisons):
+            if event.type == FlightEvent.JETTISON and event.index < len(shown.mission.drops):
                 text = f"{text}: {shown.mission.jettison_names[event.index]}"
             stamp_ns = ns_from_stamp(event.stamp)
             label = messages.label(self._frames, stamp_ns, shown.labels, event.position, text)

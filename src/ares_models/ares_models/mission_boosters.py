@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boosters that burn beside the first burn of a stage, and the arcs that they make of it.
+
+For the kernels a burn with boosters is several arcs, each with the thrust, the mass flow and the
+exit area of all that burns then. An empty booster drops as it burns out.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field, model_validator
+
+from ares_models.arrays import MAX_KNOTS
+from ares_models.mission_arcs import BurnArc, check_curve
+from ares_models.mission_keys import (
+    Area,
+    Delay,
+    Duration,
+    EngineCount,
+    Mass,
+    Name,
+    Part,
+    SpecificImpulse,
+    Thrust,
+    ThrustTable,
+    fail,
+    not_there,
+    one_of,
+)
+
+Array = NDArray[np.float64]
+Row = NDArray[np.void]
+
+#: Difference of two event times that is rounding, s.
+SAME_EVENT = 1e-6
+
+
+class Booster(Part):
+    """Hold boosters of one kind: liquid or solid, lit with the stage or later."""
+
+    model_config = ConfigDict(
+        json_schema_extra=one_of(
+            ("thrust_n", "burn_time_s"), ("thrust_n", "isp_s"), ("thrust_table",)
+        )
+    )
+
+    name: Name = Field(description="unique; shown in events")
+    count: EngineCount = Field(default=1, description="how many; the masses and thrust are of one")
+    dry_mass_kg: Mass = Field(description="what drops when it is empty")
+    propellant_kg: Mass = Field(description="all of it burns")
+    thrust_n: Thrust | None = Field(default=None, description="vacuum")
+    burn_time_s: Duration | None = Field(default=None, description="its mass flow follows")
+    isp_s: SpecificImpulse | None = Field(
+        default=None, description="vacuum, in place of burn_time_s"
+    )
+    thrust_table: ThrustTable | None = Field(
+        default=None,
+        description="in place of thrust_n: vacuum thrust after ignition, knots [seconds, newtons]; "
+        "the mass flow is in proportion",
+    )
+    exit_area_m2: Area | None = Field(default=None, description="of its nozzle")
+    ignition_s: Delay = Field(default=0.0, description="after the ignition of the stage")
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Booster":
+        if self.thrust_table is not None:
+            check_curve("thrust_table", self.thrust_table)
+            for key in ("thrust_n", "burn_time_s", "isp_s"):
+                if getattr(self, key) is not None:
+                    fail((key,), getattr(self, key), "no such key beside thrust_table")
+            return self
+        if self.thrust_n is None:
+            fail(("thrust_n",), None, "a number in N, or a thrust_table in its place")
+        if self.burn_time_s is None and self.isp_s is None:
+            fail(("burn_time_s",), None, "a number in s, or isp_s in its place")
+        if self.burn_time_s is not None and self.isp_s is not None:
+            fail(("isp_s",), self.isp_s, "no such key beside burn_time_s")
+        return self
+
+    def burn_s(self, g0: float) -> float:
+        """Return the length of the burn, s; g0 in m/s2."""
+        if self.thrust_table is not None:
+            return self.thrust_table[-1][0]
+        if self.burn_time_s is not None:
+            return self.burn_time_s
+        return self.propellant_kg * g0 * (self.isp_s or math.nan) / (self.thrust_n or math.nan)
+
+    def end_s(self, g0: float) -> float:
+        """Return the burnout, s after the ignition of the stage; g0 in m/s2."""
+        return self.ignition_s + self.burn_s(g0)
+
+    def thrust(self, g0: float) -> tuple[Array, Array]:
+        """Return knots of the thrust of all: times after the ignition of the stage, s; N."""
+        knots = self.thrust_table or ((0.0, self.thrust_n or 0.0), (self.burn_s(g0), self.thrust_n))
+        times, newtons = np.array(knots, np.float64).T
+        return self.ignition_s + times, self.count * newtons
+
+    def flow_per_thrust(self, g0: float) -> float:
+        """Return the mass flow per thrust, kg/(N s); g0 in m/s2."""
+        times, newtons = self.thrust(g0)
+        return self.count * self.propellant_kg / float(np.trapezoid(newtons, times))
+
+
+class BurnPart(NamedTuple):
+    """Hold a part of a burn that is an arc of its own.
+
+    Attributes:
+        name: of the arc.
+        begin, end: s after ignition; the end of a free burn is inf.
+        vertical: the thrust is along the vertical.
+        continues: no engine is lit at its begin.
+        lit: the boosters that burn.
+    """
+
+    name: str
+    begin: float
+    end: float
+    vertical: bool
+    continues: bool
+    lit: tuple[Booster, ...]
+
+
+def burn_parts(
+    name: str, burn: BurnArc, boosters: Sequence[Booster], g0: float
+) -> tuple[BurnPart, ...]:
+    """Cut a burn where boosters are lit and burn out, and where a vertical rise ends.
+
+    Args:
+        name: of the burn.
+        burn: the burn.
+        boosters: beside it.
+        g0: m/s2.
+    """
+    length, rise = burn.duration_s, burn.vertical_rise_s or 0.0
+    ignitions = [booster.ignition_s for booster in boosters]
+    times = {0.0, rise, *ignitions, *(booster.end_s(g0) for booster in boosters)}
+    cuts: list[float] = []
+    for t in sorted(times):
+        if t < length - SAME_EVENT and (not cuts or t > cuts[-1] + SAME_EVENT):
+            cuts.append(t)
+    parts = []
+    for begin, end in pairwise((*cuts, length)):
+        lit = tuple(
+            booster
+            for booster in boosters
+            if booster.ignition_s < begin + SAME_EVENT < booster.end_s(g0) - SAME_EVENT
+        )
+        lights = any(abs(t - begin) <= SAME_EVENT for t in (0.0, *ignitions))
+        vertical = begin < rise - SAME_EVENT
+        whole = name + "".join(f" with {booster.name}" for booster in lit)
+        parts.append(
+            BurnPart(
+                f"{whole}, vertical rise" if vertical else whole, begin, end, vertical, not lights, lit
+            )
+        )
+    return tuple(parts)
+
+
+def part_row(core: Row, part: BurnPart, last: bool, g0: float) -> Row:
+    """Return the arc of a part of a burn, shape (1,), dtype ARC.
+
+    Args:
+        core: the whole burn without boosters.
+        part: the part.
+        last: it is the last one.
+        g0: m/s2.
+    """
+    row = core.copy()
+    row["begins_stage"] = core["begins_stage"] if part.begin == 0.0 else 0
+    row["continues"] = part.continues
+    row["vertical"] = part.vertical
+    row["duration"] = part.end - part.begin
+    for name in ("shortest", "longest"):
+        row[name] = row["duration"] if math.isfinite(part.end) else core[name] - part.begin
+    row["shortest"] = max(0.0, float(row["shortest"][0]))
+    if not last:
+        row["tail_knots"] = row["tail_gain"] = 0
+    if part.lit:
+        _add_boosters(row, part, g0)
+    return row
+
+
+def _add_boosters(row: Row, part: BurnPart, g0: float) -> None:
+    """Add the thrust, mass flow and exit area of the boosters to an arc."""
+    thrusts = [booster.thrust(g0) for booster in part.lit]
+    inner = np.concatenate([times for times, _ in thrusts])
+    inner = inner[(inner > part.begin + SAME_EVENT) & (inner < part.end - SAME_EVENT)]
+    times = np.unique(np.concatenate(([part.begin, part.end], inner)))
+    force = np.full(times.size, float(row["thrust"][0]))
+    flow = np.full(times.size, float(row["mass_flow"][0]))
+    for booster, (knots, newtons) in zip(part.lit, thrusts, strict=True):
+        own = np.interp(times, knots, newtons)
+        force += own
+        flow += own * booster.flow_per_thrust(g0)
+        row["exit_area"] += booster.count * (booster.exit_area_m2 or 0.0)
+    impulse, mass = np.trapezoid(force, times), np.trapezoid(flow, times)
+    row["thrust"] = force.max()
+    row["exhaust_velocity"] = impulse / mass
+    row["mass_flow"] = row["thrust"] / row["exhaust_velocity"]
+    if np.ptp(force) == 0.0:
+        return
+    row["tabled"] = 1
+    row["start_knots"] = times.size
+    row["start_time"][0, : times.size] = times - part.begin
+    row["start_fraction"][0, : times.size] = force / row["thrust"]
+    row["start_flow"][0, : times.size] = flow / row["mass_flow"]
+    row["start_loss"] = times[-1] - times[0] - impulse / row["thrust"]
+
+
+def check_boosters(stage_path: tuple[str | int, ...], stage: "object", g0: float) -> None:
+    """Check boosters against the burn beside which they burn.
+
+    Args:
+        stage_path: key path of the stage.
+        stage: of type :class:`ares_models.mission_parts.Stage`.
+        g0: m/s2.
+
+    Raises:
+        PydanticCustomError: a booster does not fit.
+    """
+    boosters: tuple[Booster, ...] = stage.boosters  # type: ignore[attr-defined]
+    if not boosters:
+        return
+    burn: BurnArc = stage.burns[0]  # type: ignore[attr-defined]
+    for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2", "thrust_table"):
+        if getattr(burn, key) is not None:
+            expected = "no such key in a burn beside boosters"
+            fail((*stage_path, key), getattr(burn, key), expected)
+    knots = 2 + sum(len(booster.thrust_table or ()) for booster in boosters)
+    if knots > MAX_KNOTS:
+        fail((*stage_path, "boosters"), knots, f"at most {MAX_KNOTS} knots in all thrust tables")
+    for i, booster in enumerate(boosters):
+        end = booster.end_s(g0)
+        if end > burn.duration_s + SAME_EVENT:
+            fail(
+                (*stage_path, "boosters", i, "burn_time_s"),
+                end,
+                f"a burnout before the burn beside it ends, at {burn.duration_s:g} s",
+            )
