@@ -36,7 +36,7 @@ from ares_bringup.options import (
     refusals,
 )
 from ares_bringup.parameter_tables import known, tables
-from ares_bringup.rehearsal import rehearse
+from ares_bringup.rehearsal import asks_for_plan, rehearse
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
     EXIT_INTERRUPTED,
@@ -190,16 +190,17 @@ def needs_trajectory(law: str) -> bool:
     return _find_law(law).needs_trajectory
 
 
-def needs_plan(mission: str) -> bool:
-    """Tell whether a mission has free quantities, which the optimizer must plan.
+def needs_plan(mission: str, law: str) -> bool:
+    """Tell whether a law flies a mission by a plan, which the optimizer must make.
 
     Raises:
-        CannotStart: no such mission; one line.
+        CannotStart: no such mission, or the law cannot fly it; one line.
     """
     from ares_models.mission import load_mission
 
     with refusals():
-        return load_mission(mission).needs_plan
+        loaded = load_mission(mission)
+    return loaded.needs_plan or asks_for_plan(loaded, law)
 
 
 def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
@@ -285,9 +286,10 @@ def optimizer_values(flown: Mapping[str, Any]) -> dict[str, Any]:
     """
     guess = flown.get("initial_guess", "none")
     mission = str(flown.get("mission", "ares_v"))
-    if guess == "optimizer" or needs_plan(mission):
+    law = str(flown.get("law", PEG))
+    if guess == "optimizer" or needs_plan(mission, law):
         return {"mission": mission}
-    if guess == "analytic" or needs_trajectory(str(flown.get("law", PEG))):
+    if guess == "analytic" or needs_trajectory(law):
         return {"mission": mission, "method": "analytic"}
     return {}
 

@@ -31,12 +31,14 @@ class _Rehearsal:
         plan: the optimizer's plan for its free quantities.
         options: integration of the plant.
         settings: cycle and gates of the law.
+        least_kg: final mass below which a law does not count as one that flies the mission.
     """
 
     mission: "Mission"
     plan: "Solution"
     options: "SimulatorOptions"
     settings: "LawSettings"
+    least_kg: float
 
 
 @dataclass(frozen=True)
@@ -53,23 +55,23 @@ class _End:
 
 
 def rehearse(flown: Mapping[str, Any]) -> str:
-    """Check that a law can fly a mission; fly it ahead, without dispersions, if it needs a plan.
+    """Check that a law can fly a mission; fly it ahead, without dispersions, if it is by a plan.
 
     Args:
         flown: parameters of guidance and simulator by name, as far as given.
 
     Returns:
-        The expected loss of mass, one line; "" if it is small, or no plan is needed.
+        The expected loss of mass, one line; "" if it is small, or there is no plan.
 
     Raises:
-        CannotStart: no plan is found, or the law does not reach the target by it; one line.
+        CannotStart: no plan is found, or the law does not reach the target by it, or asks for it
+            and loses mass; one line.
     """
     from ares_models.mission import load_mission
 
     mission = load_mission(str(flown.get("mission", "ares_v")))
     law = str(flown.get("law", PEG))
-    if not mission.needs_plan:
-        _check_law(mission, law)
+    if not (mission.needs_plan or asks_for_plan(mission, law)):
         return ""
     try:
         rehearsal = _prepare(mission, law, flown)
@@ -89,26 +91,25 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
         return ""
-    return (
-        f"law {law} is expected to end with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
+    loss = (
+        f"expected to end with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
         f"the plan's {plan_kg:,.1f} kg"
     )
+    if end.mass_kg < rehearsal.least_kg:
+        raise CannotStart(f"law is {law!r}, which is {loss}; {_advice(rehearsal, law)}")
+    return f"law {law} is {loss}"
 
 
-def _check_law(mission: "Mission", law: str) -> None:
-    """Refuse a mission that a law cannot fly before the optimizer is asked for its start.
+def asks_for_plan(mission: "Mission", law: str) -> bool:
+    """Return whether a law flies a mission by a plan only because it finds no way without one.
 
     Raises:
         CannotStart: the law cannot fly it; one line.
     """
-    from ares_bringup.fly import needs_trajectory
-
-    if not needs_trajectory(law):
-        return
-    from ares_guidance.laws import make_law
+    from ares_guidance import laws
 
     try:
-        make_law(law, mission.arrays(foreseen=True))
+        return laws.asks_for_plan(law, mission.arrays(foreseen=True), mission.start().navigation())
     except ValueError as error:
         raise refusal(error, mission) from error
 
@@ -131,11 +132,13 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
+    plan = plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s"))
     return _Rehearsal(
         mission,
-        plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s")),
+        plan,
         SimulatorOptions(**known[SimulatorOptions]),
         LawSettings(**known[LawSettings]),
+        0.0 if mission.needs_plan else plan.m_f_kg * (1.0 - TOLERATED),
     )
 
 
@@ -173,7 +176,7 @@ def _advice(rehearsal: _Rehearsal, law: str) -> str:
     ways = []
     for name in others:
         with suppress(ValueError):
-            if _fly_ahead(rehearsal, name).mass_kg:
+            if _fly_ahead(rehearsal, name).mass_kg > rehearsal.least_kg:
                 ways.append(name)
     if ways:
         return f"try law {' or '.join(ways)}"

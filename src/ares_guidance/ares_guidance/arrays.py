@@ -57,6 +57,11 @@ MONITOR_DEPLETION = 8
 MONITOR_WORK = 16
 MONITOR_STEERING_RATE = 32
 
+#: Flip of the thrust, half round in a moment, in the present burn: none, near, past.
+FLIP_NONE = 0
+FLIP_NEAR = 1
+FLIP_PAST = 2
+
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
 
@@ -112,10 +117,12 @@ SEGMENT = np.dtype(
 OPTIMAL_MEMORY = np.dtype(
     [
         ("solved", np.int64),  # 1: unknowns hold the solution of the last cycle
+        ("flip", np.int64),  # FLIP_*
         ("age", np.int64),  # cycles since the Jacobian was computed
         ("time", np.float64),  # s, epoch of lambda_v and lambda_r
         ("jettisoned", np.int64),
         ("unknowns", np.float64, (MAX_COLUMNS,)),
+        ("kept", np.float64, (MAX_COLUMNS,)),  # of the last solution, in a search after a flip
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # heating limits scaled to the modelled density
         ("arcs", ARC, (MAX_SEGMENTS,)),  # with the measured engines
         ("arcs_from", np.int64),  # 1 + index of the arc during which they were copied
@@ -424,6 +431,7 @@ LEG = np.dtype(
         ("target", TARGET),
         ("navigation", NAVIGATION),  # in a coast: at the next ignition
         ("coasting", np.int64),
+        ("wait", np.float64),  # s, to the next ignition; 0 in a burn
         ("cycle_time", np.float64),  # s, time of the next cycle in a coast
         ("steering", STEERING),  # its cut-off is the end of the leg
         ("begin", np.float64),  # s, start of its first burn, or entry into the leg

@@ -11,12 +11,14 @@ from ares_guidance.kernels.floor import lowest_altitude
 from ares_models.arrays import BURN, COAST, NAVIGATION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude
-from ares_models.orbits import Elements
+from ares_models.orbits import Elements, Insertion
 from ares_models.plans import LONG_COAST_S
 from ares_models.tolerances import FLOOR_M
 
 if TYPE_CHECKING:
     from ares_guidance.guess import OfflineTrajectory
+
+Array = NDArray[np.float64]
 
 #: Largest time difference between a sample and the start or end of its arc, s.
 SAME_TIME = 0.01
@@ -24,6 +26,8 @@ SAME_TIME = 0.01
 GROUND = 0.0
 #: Clearance above a floor that the plan touches, m; a law meets its target to about a metre.
 CLEARANCE = 0.5 * FLOOR_M
+#: Least gain of the perigee, as a fraction of a lift that does not move the next ignition.
+LEAST_GAIN = 0.5
 #: Depth, m, from which a burn dips.
 DIP = 1e3
 
@@ -110,6 +114,48 @@ def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[i
     if trajectory.by_legs:
         lifts |= dict.fromkeys(_before_dips(trajectory, arrays), 0.0)
     return {k: lift for k, lift in (lifts | _lifts(trajectory, arrays)).items() if k in lengths}
+
+
+def lifted(
+    position: Array, velocity: Array, lift: float, ignition: Array, mu: float
+) -> tuple[Array, Array]:
+    """Lift the end of a burn until the perigee of the coast after it rises by ``lift``.
+
+    The speed changes too, so that the coast still passes through the place of the next ignition: a
+    short burn there cannot correct its place. Where that would not raise the perigee, the end is
+    lifted by ``lift`` alone.
+
+    Args:
+        position: at the end of the burn, m.
+        velocity: there, m/s.
+        lift: m.
+        ignition: position of the next ignition, m.
+        mu: m3/s2.
+
+    Returns:
+        position and velocity.
+    """
+    radius = float(np.linalg.norm(position))
+    normal = np.cross(position, velocity)
+    normal /= np.linalg.norm(normal)
+    climb = Insertion.from_state(position, velocity).flight_path_angle
+    ahead = math.atan2(float(np.cross(position, ignition) @ normal), float(position @ ignition))
+    away = float(np.linalg.norm(ignition))
+
+    def raised(height: float) -> tuple[Array, Array]:
+        # v^2 r c(r) is the same for all conics through both places at one flight-path angle
+        higher = radius + height
+        c, c_higher = (
+            r / away * math.cos(climb) - math.cos(ahead + climb) for r in (radius, higher)
+        )
+        square = radius * c / (higher * c_higher)
+        return position * (higher / radius), velocity * math.sqrt(max(0.0, square))
+
+    planned = Elements.from_state(position, velocity, mu).perigee_radius
+    gained = Elements.from_state(*raised(lift), mu).perigee_radius - planned
+    if not LEAST_GAIN * lift < gained < lift / LEAST_GAIN:
+        return position * (1.0 + lift / radius), velocity
+    return raised(lift * lift / gained)
 
 
 def _burn_before(arcs: NDArray[np.void], k: int) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import MAX_PROGRAMME, PLAN, PROGRAMME
-from ares_guidance.floor import check_floor, held_burns
+from ares_guidance.floor import check_floor, held_burns, lifted
 from ares_models.arrays import (
     BURN,
     NAMES_ARGUMENT_OF_PERIGEE,
@@ -27,7 +27,7 @@ from ares_models.kernels.environment import relative_velocity
 from ares_models.kernels.vectors import norm
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Elements, Insertion
-from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free
+from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs_plan
 
 Array = NDArray[np.float64]
 
@@ -163,8 +163,10 @@ class ArcPlan:
         mu = float(arrays.environment["mu"][0])
         record = np.zeros(1, PLAN)
         free = leaves_arcs_free(arrays.arcs) or coasts_long(arrays.arcs)
-        record["made"] = free or bool(self.held)
-        record["by_legs"] = self.by_legs
+        needed = needs_plan(arcs, arrays.target[0])
+        record["made"] = free or bool(self.held) or not needed
+        # a law that asked for it may solve for the whole burn
+        record["by_legs"] = self.by_legs and needed
         ends = (arcs["kind"] == BURN) & np.isinf(arcs["duration"])
         ends[list(self.held)] = True
         ends[-1] = False
@@ -444,7 +446,8 @@ class OfflineTrajectory:
                     directions[int(k)] = self._directions(begin, end)
                 at = self._sample(end, f"the end of burn {k}")
                 position, velocity = self.sample_position[at], self.sample_velocity[at]
-                position = position * (1.0 + lifts.get(int(k), 0.0) / np.linalg.norm(position))
+                if lifts.get(int(k), 0.0) > 0.0:
+                    position, velocity = self._lifted(at, lifts[int(k)], arrays)
                 positions[int(k)] = position
                 begin = end
                 if last:
@@ -551,6 +554,19 @@ class OfflineTrajectory:
         row = later[0] if later.size else np.flatnonzero(known)[-1]
         direction: Array = self.sample_direction[row]
         return direction
+
+    def _lifted(self, at: int, lift: float, arrays: MissionArrays) -> tuple[Array, Array]:
+        """Return position, m, and velocity, m/s, of sample ``at``, the end of a burn, lifted by m.
+
+        The coast then ends where it did.
+        """
+        position, velocity = self.sample_position[at], self.sample_velocity[at]
+        first = self._first_burn(float(self.sample_time[at]), math.inf)
+        if first is None:
+            return position * (1.0 + lift / np.linalg.norm(position)), velocity
+        ignition = self._sample(float(self.arc_start_time[first]), "the end of a coast")
+        mu = float(arrays.environment["mu"][0])
+        return lifted(position, velocity, lift, self.sample_position[ignition], mu)
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:
         """Check that the flown arcs are the last arcs of a mission.

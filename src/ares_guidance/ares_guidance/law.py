@@ -298,6 +298,11 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
         arrays: the mission.
         reason: given by the optimizer.
     """
+    if not needs_plan(arrays.arcs, arrays.target[0]):
+        return (
+            f"law is {law!r}, which finds no way from the start of the mission to its target "
+            f"without a plan, and there is none: {reason}"
+        )
     return (
         f"law {law} flies by a plan of what is free, {name_what_is_free(arrays)}, and there is "
         f"none: {reason}; `ares optimize --method` or other bounds (min_s, max_s) may find one"
@@ -328,8 +333,11 @@ class Law:
 
     Attributes:
         kind: which law.
+        asks: it flies by a plan though the mission needs none; see `laws.asks_for_plan`.
         onboard: arrays of guidance for the flight; callers only read them.
     """
+
+    asks = False
 
     def __init__(
         self, arrays: MissionArrays, settings: LawSettings | None = None, kind: LawKind = PEG
@@ -380,20 +388,26 @@ class Law:
             self.state["programme"] = self._arc_plan.programme_record()[0]
 
     @property
+    def by_plan(self) -> bool:
+        """Return whether the law flies by a plan."""
+        return self.asks or needs_plan(self._arrays.arcs, self._arrays.target[0])
+
+    @property
     def lacks_plan(self) -> bool:
-        """Return whether the mission needs a plan and the law has none."""
-        return needs_plan(self._arrays.arcs, self._arrays.target[0]) and self._arc_plan is None
+        """Return whether the law flies by a plan and has none."""
+        return self.by_plan and self._arc_plan is None
 
     def check_plan(self) -> None:
-        """Check that the law has a plan if the mission needs one.
+        """Check that the law has a plan if it flies by one.
 
         Raises:
             ValueError: there is none; one line.
         """
         if self.lacks_plan:
+            free = "" if self.asks else f" of what is free, {name_what_is_free(self._arrays)}"
             raise ValueError(
-                f"law is {self.kind.name!r}, which needs a plan of what is free, "
-                f"{name_what_is_free(self._arrays)}; use --initial-guess optimizer"
+                f"law is {self.kind.name!r}, which needs a plan{free}; "
+                "use --initial-guess optimizer"
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:
@@ -443,7 +457,7 @@ class Law:
             ValueError: the trajectory is not usable.
         """
         planned = np.full(len(self._arrays.jettisons), math.inf)
-        if needs_plan(self._arrays.arcs, self._arrays.target[0]):
+        if self.by_plan:
             self.follow_arcs(trajectory.arc_plan(self._arrays))
             return
         if math.isfinite(trajectory.jettison_time):

@@ -21,7 +21,6 @@ from ares_guidance.laws import check_law, make_law
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.input_file import read_text
 from ares_models.mission import MISSION, Mission, list_missions
-from ares_models.plans import needs_plan
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
@@ -64,6 +63,7 @@ class Answers:
             values["law"],
             self.arrays,
             LawSettings(**{each.name: values[each.name] for each in known}),
+            mission.start().navigation(),
         )
         self.identity = (0, 0)
         self._values = values
@@ -128,7 +128,7 @@ class Answers:
             FindsNoWay: it finds no solution; one line, which names the laws that do.
             ValueError: the answer is not a plan of this mission.
         """
-        if needs_plan(self.arrays.arcs, self.arrays.target[0]):
+        if self.law.by_plan:
             plan = _trajectory(answer).arc_plan(self.arrays)
             check_law(self.law.kind.name, self.arrays, self._start, plan)
 
@@ -144,7 +144,7 @@ class Answers:
         trajectory = _trajectory(answer)
         trajectory.check_begin(*self._asked)
         self.law.start_from(trajectory)
-        if not needs_plan(self.arrays.arcs, self.arrays.target[0]):
+        if not self.law.by_plan:
             return {}
         lowest = lowest_coast(trajectory, self.arrays)
         return {FINAL_MASS_KG: float(answer.final_mass), LOWEST_COAST_M: lowest}

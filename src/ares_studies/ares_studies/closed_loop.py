@@ -138,7 +138,7 @@ def ready_law(
         name: one of `ares_guidance.registry.law_names`.
         settings: cycle and gates.
         guess: initial solution. None: none, except for a law that needs a trajectory, which gets
-            the answer of its method, and for free arcs, for which a plan is solved.
+            the answer of its method, and one that flies by a plan, which is solved.
         state: start of that solution, shape (1,), dtype NAVIGATION; None: the mission's start.
         time_limit_s: wall time of the search for a plan; None: no limit.
 
@@ -146,17 +146,20 @@ def ready_law(
         ValueError: the law cannot fly the mission, the guess is unusable, or the law has no
             solution for the plan.
     """
-    law = make_law(name, mission.arrays(foreseen=True), settings)
+    arrays = mission.arrays(foreseen=True)
+    law = make_law(name, arrays, settings, mission.start().navigation())
     if guess is None and law.kind.needs_trajectory:
         from ares_optimizer.solve import solve
 
         guess = solve(mission, law.kind.trajectory_method, state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))
-    elif (plan := arc_plan(mission, law.kind, state, time_limit_s)) is not None:
+    elif law.lacks_plan:
+        solution = plan_solution(mission, law.kind, state, time_limit_s)
+        plan = offline_trajectory(solution).arc_plan(arrays)
         law.follow_arcs(plan)
         begin = mission.start().navigation() if state is None else state
-        check_law(name, mission.arrays(foreseen=True), begin, plan)
+        check_law(name, arrays, begin, plan)
     return law
 
 

@@ -27,7 +27,6 @@ from ares_bringup.rehearsal import rehearse
 from ares_bringup.report import console, number, shown_path
 from ares_bringup.whole_file import write_whole
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import check_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import Mission, load_mission
@@ -99,11 +98,6 @@ class CampaignOptions:
             if given.get("heating_source") == "model":
                 given["heating_margin"] = dispersions.heating_margin()
             mission = load_mission(self.mission)
-            if not mission.needs_plan:
-                # else it is flown ahead
-                check_law(
-                    self.guidance, mission.arrays(foreseen=True), mission.start().navigation()
-                )
             return Settings(
                 mission=mission,
                 dispersions=dispersions,

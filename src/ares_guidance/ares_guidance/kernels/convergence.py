@@ -34,6 +34,9 @@ LAST_PASSES = 20
 #: orbit. Their burns may be long at low thrust, where the expansion about the mean direction costs
 #: mass.
 SMALL_WHERE_LONG = 0.2
+#: Range angle of a burn, rad, up to which a pass other than PEG's predicts gravity well enough
+#: there. The mean of both ends errs by 10 m/s over it, and with the third power of the angle.
+FAR_BY_MEAN = 0.25
 #: Surplus of a leg that the clock ends, as a fraction of its length, that may be an error of the
 #: prediction: spent too early it is missing at the end.
 SAME_LENGTH = 3e-3
@@ -97,13 +100,15 @@ def begin_again(mission: MissionRecords, onboard: Onboard, cold: bool) -> None:
 
 @kernel
 def goes_far(mission: MissionRecords, onboard: Onboard) -> bool:
-    """Return whether the burn ahead covers more than PIECE of the orbit.
+    """Return whether the burn ahead covers more of the orbit than a pass predicts gravity for.
 
-    A pass predicts gravity by one coast, and its turn says nothing of the error there.
+    A pass predicts it by one coast, or by the mean of both ends, and its turn says nothing of the
+    error there.
     """
     radius = norm(load(onboard.navigation.position))
     rate = math.sqrt(mission.environment.mu / radius**3)
-    return rate * onboard.state.solution.time_to_go > PIECE
+    farthest = PIECE if LAW == LAW_PEG else FAR_BY_MEAN
+    return rate * onboard.state.solution.time_to_go > farthest
 
 
 @kernel

@@ -13,6 +13,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
+    FLIP_NEAR,
     FOUND_EARLY_END,
     FOUND_ENGINE_LOST,
     FOUND_NO_IGNITION,
@@ -370,8 +371,9 @@ def run_checks(mission: MissionRecords, onboard: Onboard) -> None:
             found.thrust = found.flow = 0.0
             found.looks = 0
             found.total = found.total_flow = 1.0
-        if refused != found.refused:
-            # the state at the last check may have been wrong already
+        if refused != found.refused or onboard.state.optimal.flip == FLIP_NEAR:
+            # the state at the last check may have been wrong already; half of a turn between two
+            # states undoes the other
             found.before = 0.0
         else:
             check_jettisons(mission, onboard)

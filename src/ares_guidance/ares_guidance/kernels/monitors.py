@@ -9,6 +9,8 @@ import math
 from ares_guidance.arrays import (
     ERROR_PROPELLANT_SHORT,
     ERROR_TARGET_UNREACHABLE,
+    FLIP_NEAR,
+    LAW_OPTIMAL,
     MONITOR_DEPLETION,
     MONITOR_DIRECTION,
     MONITOR_JETTISON,
@@ -166,7 +168,9 @@ def broken_rules(mission: MissionRecords, onboard: Onboard) -> int:
     if state.iterations > most_iterations(settings):
         flags |= MONITOR_WORK
     end = nav.time + settings.cycle_period
-    if turns_faster(settings.steering_rate_limit, steering, nav.time, end):
+    # a flip is one of the plan, and costs most of what is saved by it if it comes late
+    flips = state.law == LAW_OPTIMAL and state.optimal.flip == FLIP_NEAR
+    if not flips and turns_faster(settings.steering_rate_limit, steering, nav.time, end):
         flags |= MONITOR_STEERING_RATE
     return flags
 

@@ -10,7 +10,15 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, Onboard
+from ares_guidance.arrays import (
+    ERROR_NONE,
+    ERROR_NOT_CONVERGED,
+    FLIP_NEAR,
+    FLIP_NONE,
+    FLIP_PAST,
+    LAW_OPTIMAL,
+    Onboard,
+)
 from ares_guidance.kernels.convergence import SAME_LENGTH, begin_again, ends_by_clock
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
@@ -65,6 +73,8 @@ SMALL = 3e-3
 LAST = 20.0
 #: Largest relative change of thrust or mass flow for which the Jacobian is kept.
 SAME_ENGINE = 0.01
+#: Time within which the direction of the primer is analytic, s, that tells of a flip.
+NEAR_FLIP = 5.0
 #: Time before the planned end of an arc, s, from which that end is fixed.
 NEAR_END = 1.0
 _ROUNDING = 1e-6
@@ -465,6 +475,44 @@ def write_solution(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
+def note_flip(mission: MissionRecords, onboard: Onboard) -> None:
+    """Note whether the thrust flips in the present burn: the primer nearly vanishes then.
+
+    Args: as in :func:`solve_optimal`, with the primer of now. Its memory is changed.
+    """
+    nav = onboard.navigation
+    memory = onboard.state.optimal
+    if mission.arcs[nav.arc].kind == BURN and norm(load(memory.unknowns[3:6])) * NEAR_FLIP > 1.0:
+        memory.flip = FLIP_NEAR
+        memory.age = REFRESH
+    elif memory.flip == FLIP_NEAR:
+        memory.flip = FLIP_PAST
+
+
+@kernel
+def search_anew(
+    believed: MissionRecords, onboard: Onboard, guessed: bool, restart: bool
+) -> tuple[int, bool]:
+    """Search from the last solution; past a flip keep that where there is no better one.
+
+    There the thrust has nothing to spare, and what it spares grows with the square of its turn: the
+    problem is nearly singular.
+
+    Args and returns: as in :func:`search`.
+    """
+    memory = onboard.state.optimal
+    for i in range(MAX_UNKNOWNS):
+        memory.kept[i] = memory.unknowns[i]
+    iterations, found = search(believed, onboard, guessed, restart)
+    if not found and memory.flip == FLIP_PAST:
+        for i in range(MAX_UNKNOWNS):
+            memory.unknowns[i] = memory.kept[i]
+        memory.age = REFRESH
+        return iterations, True
+    return iterations, found
+
+
+@kernel
 def set_options(mission: MissionRecords, onboard: Onboard) -> None:
     """Set up the on-board problem: inverse-square gravity, coarse steps."""
     options = onboard.state.optimal.options
@@ -498,12 +546,20 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart
     believed = believed_mission(mission, onboard)
     iterations = 1
     found = False
+    if memory.solved == 0 or memory.solved_in != nav.arc:
+        memory.flip = FLIP_NONE
     if memory.solved == 1:
         propagate_costates(believed, onboard)
         memory.age += 1
         remaining = memory.unknowns[COLUMN_CUTOFF] - nav.time
-        if memory.age < REFRESH and remaining > LAST:
+        note_flip(believed, onboard)
+        if memory.flip == FLIP_NEAR:
+            # of length 1 the primer has no scale: keep the last solution
+            found = True
+        elif memory.age < REFRESH and remaining > LAST:
             found = correct(believed, onboard)
+        if not found:
+            iterations, found = search_anew(believed, onboard, start != BY_NOTHING, restart)
     else:
         if start == BY_PLAN:
             guess_by_plan(believed, onboard)
@@ -512,7 +568,6 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart
         memory.solved_in = nav.arc
         memory.time = nav.time
         memory.jettisoned = nav.jettisoned
-    if not found:
         iterations, found = search(believed, onboard, start != BY_NOTHING, restart)
     memory.solved = 1 if found else 0
     state.iterations += iterations

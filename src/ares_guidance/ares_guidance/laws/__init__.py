@@ -14,6 +14,7 @@ from ares_guidance.registry import GROUP, law_names
 from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_TRUE_ANOMALY, MissionArrays
 from ares_models.kernels.targets import names
 from ares_models.orbits import Insertion
+from ares_models.plans import needs_plan
 from ares_models.registry import load_registered
 
 #: Elements that together fix the place of insertion on the orbit.
@@ -45,19 +46,41 @@ def self_starting_laws() -> list[str]:
     return [name for name in law_names() if not find_law(name).needs_trajectory]
 
 
-def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = None) -> Law:
-    """Build a law, ready for the first navigation state.
+def make_law(
+    name: str,
+    arrays: MissionArrays,
+    settings: LawSettings | None = None,
+    start: NDArray[np.void] | None = None,
+) -> Law:
+    """Build a law, ready for the first navigation state or, if it flies by a plan, for that.
 
     Args:
         name: one of `ares_guidance.registry.law_names`.
         arrays: the mission as guidance believes it.
         settings: cycle and gates.
+        start: of the mission, shape (1,), dtype NAVIGATION, from which the law may ask for a plan;
+            None: it flies by a plan only if the mission needs one.
 
     Raises:
         ValueError: no such law, or the law cannot fly this mission.
     """
     kind = find_law(name)
-    return kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
+    law = kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
+    law.asks = start is not None and asks_for_plan(name, arrays, start)
+    return law
+
+
+def asks_for_plan(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> bool:
+    """Return whether a law flies by a plan only because it finds no way without one.
+
+    Args: as in :func:`check_law`.
+
+    Raises:
+        ValueError: the law cannot fly to this target.
+    """
+    return not needs_plan(arrays.arcs, arrays.target[0]) and not finds_way(
+        name, arrays, start, None
+    )
 
 
 def check_law(
@@ -69,7 +92,7 @@ def check_law(
         name: of the law.
         arrays: the mission.
         start: navigation state, shape (1,), dtype NAVIGATION.
-        plan: of the free arcs before the last.
+        plan: of what is free, or what the law asked for.
 
     Raises:
         FindsNoWay: it finds none; one line, which names the laws that do.

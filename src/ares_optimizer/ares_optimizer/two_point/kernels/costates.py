@@ -85,6 +85,12 @@ def thrust_acceleration_tangents(
     return value
 
 
+#: Longest part of a step, as a fraction of the time within which the direction of the primer is
+#: analytic; and its least fraction of the step.
+_SMOOTH = 0.5
+_LEAST_SHARE = 1e-7
+
+
 class _Stage(NamedTuple):
     """Hold a stage of an integration step.
 
@@ -312,8 +318,8 @@ def _end_step(last: _Stage, work: Record) -> None:
 
 
 @kernel
-def set_stretch(segment: Record, parts: int, work: Record) -> None:
-    """Write the derivative of the length of a segment's equal parts into ``work.stretch``."""
+def set_stretch(segment: Record, parts: float, work: Record) -> None:
+    """Write the derivative of the length of 1 / ``parts`` of a segment into ``work.stretch``."""
     for c in range(work.columns):
         work.stretch[c] = 0.0
     if segment.moves == 0:
@@ -365,8 +371,32 @@ def _add_costate_rate(weight: float, h: float, work: Record) -> None:
 
 
 @kernel
+def smooth_share(h: float, done: float, work: Record) -> float:
+    """Return the next part of a step, a fraction of ``h``: all the rest unless the thrust flips.
+
+    Where the primer nearly vanishes the thrust turns half round in less than a step. The direction
+    of a primer p with rate q is analytic in time within |p| / |q| of now.
+
+    Args:
+        h: length of the step, s.
+        done: fraction of the step that is integrated.
+        work: record WORK, with the state there.
+    """
+    state = work.state
+    rest = 1.0 - done
+    square = state[6] * state[6] + state[7] * state[7] + state[8] * state[8]
+    rate = state[9] * state[9] + state[10] * state[10] + state[11] * state[11]
+    share = _SMOOTH * math.sqrt(square / rate) / h
+    if not share < rest:
+        return rest
+    return min(max(share, _LEAST_SHARE), rest)
+
+
+@kernel
 def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Record) -> None:
     """Integrate ``work.state`` and ``work.tangent`` over a segment in equal steps.
+
+    A step in which the thrust flips is divided (:func:`smooth_share`).
 
     Args:
         segment: record SEGMENT.
@@ -375,46 +405,52 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
         work: record WORK; ``columns`` is the number of tangents. If ``planned``, the rise of
             the mass costate is written too.
     """
-    h = (segment.end - segment.start) / steps
-    set_stretch(segment, steps, work)
+    length = (segment.end - segment.start) / steps
     stage = work.stage
     stage_tangent = work.stage_tangent
     # throttled to constant acceleration, the mass costate has a closed form (free_arcs)
     costate = work.planned == 1 and segment.fading == 0.0
     held = segment.held
     flown = held if work.aiming == 0 else 0
+    along = held == 0 and (segment.thrust > 0.0 or segment.thrust_slope != 0.0)
     work.costate_rise = 0.0
     for c in range(work.columns):
         work.costate_rise_by[c] = 0.0
+    first = 0
     for step in range(steps):
-        first = 0
-        if step > 0:
-            # first stage same as last (FSAL): thrust is continuous within a segment
-            first = 1
-            for n in range(6):
-                stage[0, n] = stage[STAGES - 1, n]
-            for c in range(work.columns):
+        done = 0.0
+        while done < 1.0:
+            share = smooth_share(length, done, work) if along else 1.0
+            h = share * length
+            set_stretch(segment, steps / share, work)
+            if first == 1:
+                # first stage same as last (FSAL): thrust is continuous within a segment
                 for n in range(6):
-                    stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
-            if costate:
-                _add_costate_rate(VELOCITY_WEIGHTS[0], h, work)
-            if held > 0:
-                add_primer_impulse(work.aims[held - 1], VELOCITY_WEIGHTS[0], h, work)
-        for m in range(first, STAGES):
-            at = _stage_at(m, h, work)
-            into = step + NODES[m]
-            thrust = thrust_acceleration_tangents(
-                segment, into * h, into / steps, work.columns, work.thrust
-            )
-            _put_accelerations(at, thrust, flown, gravity, work)
-            if held > 0:
-                store_primer_thrust(at.p, thrust, work)
-                add_primer_impulse(work.aims[held - 1], VELOCITY_WEIGHTS[m], h, work)
-            if costate:
-                _store_costate_rate(segment, into * h, into / steps, at, work)
-                _add_costate_rate(VELOCITY_WEIGHTS[m], h, work)
-            if m == STAGES - 1:
-                _end_step(at, work)
+                    stage[0, n] = stage[STAGES - 1, n]
+                for c in range(work.columns):
+                    for n in range(6):
+                        stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
+                if costate:
+                    _add_costate_rate(VELOCITY_WEIGHTS[0], h, work)
+                if held > 0:
+                    add_primer_impulse(work.aims[held - 1], VELOCITY_WEIGHTS[0], h, work)
+            for m in range(first, STAGES):
+                at = _stage_at(m, h, work)
+                into = step + done + share * NODES[m]
+                thrust = thrust_acceleration_tangents(
+                    segment, into * length, into / steps, work.columns, work.thrust
+                )
+                _put_accelerations(at, thrust, flown, gravity, work)
+                if held > 0:
+                    store_primer_thrust(at.p, thrust, work)
+                    add_primer_impulse(work.aims[held - 1], VELOCITY_WEIGHTS[m], h, work)
+                if costate:
+                    _store_costate_rate(segment, into * length, into / steps, at, work)
+                    _add_costate_rate(VELOCITY_WEIGHTS[m], h, work)
+                if m == STAGES - 1:
+                    _end_step(at, work)
+            first = 1
+            done = done + share if share < 1.0 - done else 1.0
         if work.planned == 1:
             # the perigee of a coast may lie between its ends
             r = (work.state[0], work.state[1], work.state[2])
