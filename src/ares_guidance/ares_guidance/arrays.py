@@ -431,7 +431,6 @@ LEG = np.dtype(
         ("target", TARGET),
         ("navigation", NAVIGATION),  # in a coast: at the next ignition
         ("coasting", np.int64),
-        ("wait", np.float64),  # s, to the next ignition; 0 in a burn
         ("cycle_time", np.float64),  # s, time of the next cycle in a coast
         ("steering", STEERING),  # its cut-off is the end of the leg
         ("begin", np.float64),  # s, start of its first burn, or entry into the leg

@@ -450,9 +450,7 @@ def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     state = onboard.state
     solution = state.solution
     steering = onboard.steering
-    # a coast before a short burn moves what the burn has to correct
-    left = state.leg.wait + solution.time_to_go
-    if state.phase == PHASE_TRACKING and left <= onboard.settings.hold_time:
+    if state.phase == PHASE_TRACKING and solution.time_to_go <= onboard.settings.hold_time:
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:

@@ -177,7 +177,6 @@ def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
     store(ahead.velocity, load(nav.velocity))
     store(ahead.sensed_delta_v, load(nav.sensed_delta_v))
     leg.coasting = 1 if leg.arcs[nav.arc].kind == COAST else 0
-    leg.wait = 0.0
     if leg.coasting == 0:
         return
     while leg.arcs[ahead.arc].kind == COAST:
@@ -188,7 +187,6 @@ def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
             ahead.mass = mass_at_staging(arc, mission.jettisons, nav.jettisoned)
     ahead.arc_start_time = max(ahead.arc_start_time, nav.time)
     ahead.time = ahead.arc_start_time
-    leg.wait = ahead.time - nav.time
     environment = mission.environment
     r, v = coast(load(nav.position), load(nav.velocity), ahead.time - nav.time, environment)
     # the measured density ratio is assumed to hold there too
