@@ -23,9 +23,12 @@ from ares_bags.schema import load_yaml
 from ares_bags.types import message_class
 from ares_bags.verify import surveyed, verify
 from ares_bags.writer import BagWriter
+from ares_bringup.facts import facts_of
 from ares_bringup.monitor import FlightMonitor
+from ares_bringup.observed import Event
 from ares_bringup.params_file import node_values
-from ares_bringup.summary import Event, FlightSummary, facts_of
+from ares_bringup.summary import FlightSummary
+from ares_bringup.summary_json import to_json
 from ares_bringup.terminal import TerminalView
 from ares_models.arrays import STEERING
 from ares_models.mission import MISSION, MissionError, load_mission
@@ -549,7 +552,7 @@ def test_an_end_that_is_no_state_is_judged_and_is_no_success(
         summary.events.append(Event(kind, 0, 600.0, mass=1e5, **where))
     assert summary.exit_code == 1
     assert any("target missed" in line for line in summary.shortcomings())
-    json.dumps(summary.to_json(), allow_nan=False)
+    json.dumps(to_json(summary), allow_nan=False)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e300])

@@ -7,7 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ares_bringup.summary import Event, FlightSummary, Outcome, facts_of
+from ares_bringup.facts import facts_of
+from ares_bringup.observed import Event
+from ares_bringup.outcomes import Outcome
+from ares_bringup.summary import FlightSummary
+from ares_bringup.summary_json import to_json
 from ares_models.jit import kernel
 from ares_models.judge import End
 from ares_models.mission import Mission, load_mission
@@ -200,7 +204,7 @@ def test_every_judge_says_the_same_of_an_end(name, missions, flights):
         field = key.removesuffix("_deg").removesuffix("_m_s").removesuffix("_m") + "_error"
         mine = math.degrees(result[field]) if key.endswith("_deg") else result[field]
         assert mine == pytest.approx(error, nan_ok=True)
-    assert summary.to_json()["end"] == str(ended.end)
+    assert to_json(summary)["end"] == str(ended.end)
     # a target that is missed is no success anywhere
     met = {check.key: check.satisfied for check in table}
     target_met = all(ok for key, ok in met.items() if key in TARGET_CHECKS)

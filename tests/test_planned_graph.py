@@ -11,8 +11,9 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from ares_bringup.facts import facts_of
 from ares_bringup.monitor import FlightMonitor
-from ares_bringup.summary import FlightSummary, facts_of
+from ares_bringup.summary import FlightSummary
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, ThrustCommand

@@ -29,9 +29,11 @@ from rich.console import Console
 
 from ares_bags.recorder import RecorderNode
 from ares_bags.verify import verify
+from ares_bringup.facts import facts_of
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.report import console, print_summary
-from ares_bringup.summary import FlightSummary, facts_of
+from ares_bringup.summary import FlightSummary
+from ares_bringup.summary_json import to_json
 from ares_bringup.terminal import TerminalView
 from ares_guidance.node import GuidanceNode
 from ares_models.kernels.steering import UNIT_TOLERANCE
@@ -486,7 +488,7 @@ class Judging(NodeTarget):
         for summary in self._summaries:
             with contextlib.redirect_stdout(io.StringIO()):
                 print_summary(summary, console())
-            json.dumps(summary.to_json(), allow_nan=False)
+            json.dumps(to_json(summary), allow_nan=False)
             one_line(summary.verdict)
             end = summary.end
             if end is not None and summary.exit_code == 0:

@@ -26,8 +26,8 @@ from hostile.target import Target, check
 
 #: What would fly, solve, serve or write for long once its words are found good.
 _WORK = (
-    "ares_bringup.fly._fly_in_process",
-    "ares_bringup.fly._fly_in_processes",
+    "ares_bringup.fly.fly_in_process",
+    "ares_bringup.fly.fly_in_processes",
     "ares_bringup.commands.optimize.solve",
     "ares_thesis.commands.analytic.solve_analytic",
     "ares_bringup.commands.montecarlo.choose",

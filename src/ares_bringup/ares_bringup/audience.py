@@ -14,7 +14,8 @@ from ares_bringup.bag_paths import bags_folder
 from ares_bringup.crew import LOOK_PERIOD, Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
 from ares_bringup.options import CannotStart, FlyOptions, LiveOptions
-from ares_bringup.summary import EXIT_CANNOT_START, FlightSummary
+from ares_bringup.outcomes import EXIT_CANNOT_START
+from ares_bringup.summary import FlightSummary
 from ares_node.requirements import unmet
 from ares_view.live.address import AddressError, free_port
 
@@ -214,7 +215,7 @@ def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) 
     Raises:
         CannotStart: it cannot be served with these options; one line.
     """
-    from ares_bringup.fly import absolute_namespace, mission_facts
+    from ares_bringup.inputs import absolute_namespace, mission_facts
 
     if mission:
         mission_facts(mission)

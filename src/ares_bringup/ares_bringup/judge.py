@@ -4,17 +4,21 @@
 import signal
 import sys
 import time
+from contextlib import suppress
 from types import FrameType
 from typing import Any
 
 from rclpy.executors import Executor
 
-from ares_bringup.fly import RECORDER_STOP_TIMEOUT, law_that_flew, mission_facts
+from ares_bringup.fly import say_on_standard_error as say
+from ares_bringup.inputs import mission_facts
 from ares_bringup.keeper import RECORDER
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.options import CannotStart
+from ares_bringup.outcomes import EXIT_CANNOT_START, EXIT_INTERRUPTED
+from ares_bringup.processes import RECORDER_STOP_TIMEOUT
 from ares_bringup.report import console, print_summary
-from ares_bringup.summary import EXIT_CANNOT_START, EXIT_INTERRUPTED, FlightSummary
+from ares_bringup.summary import FlightSummary
 from ares_bringup.watch import Watch
 from ares_node.membership import FLIGHT_ID, State
 from ares_node.node import FlightNode, NodeError
@@ -43,11 +47,6 @@ PARAMETERS = (
         maximum=16,
     ),
 )
-
-
-def say(line: str) -> None:
-    """Print a line on standard error."""
-    print(line, file=sys.stderr, flush=True)
 
 
 class JudgeNode(FlightNode):
@@ -138,3 +137,22 @@ class JudgeNode(FlightNode):
         print_summary(summary, console())
         sys.stdout.flush()
         self.finish(summary.exit_code)
+
+
+def law_that_flew(summary: FlightSummary) -> str:
+    """Return the law that ran in most cycles; before the first cycle, the requested one.
+
+    Args:
+        summary: of the flight; its `guidance` wins among laws of equal code.
+    """
+    from ares_guidance.laws import find_law
+    from ares_guidance.registry import law_names
+
+    if not summary.laws:
+        return summary.guidance
+    [(code, _)] = summary.laws.most_common(1)
+    for name in (summary.guidance, *law_names()):
+        with suppress(ValueError):
+            if find_law(name).code == code:
+                return name
+    return f"law {code}"

@@ -4,7 +4,7 @@
 from ares_bringup.audience import LIVE, PAGELESS
 from ares_bringup.crew import describe_end
 from ares_bringup.options import RESTARTS
-from ares_bringup.summary import EXIT_CANNOT_START
+from ares_bringup.outcomes import EXIT_CANNOT_START
 
 SIMULATOR = "vehicle_sim"
 GUIDANCE = "guidance"

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ares_bringup.crew import describe_end
 from ares_bringup.keeper import GUIDANCE, JUDGE, RECORDER, SIMULATOR, SPARED, Keeper
-from ares_bringup.summary import (
+from ares_bringup.outcomes import (
     EXIT_CANNOT_START,
     EXIT_INTERRUPTED,
     EXIT_NOT_AS_IT_SHOULD,

@@ -11,7 +11,9 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from ares_bags.errors import printable
-from ares_bringup.summary import EXIT_MEANINGS, Diagnostic, Event, FlightSummary, GuidanceSample
+from ares_bringup.observed import Diagnostic, Event, GuidanceSample
+from ares_bringup.outcomes import EXIT_MEANINGS
+from ares_bringup.summary import FlightSummary
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
     EXIT_STATUS,

@@ -15,9 +15,11 @@ from ares_bags.errors import BagError
 from ares_bags.reader import LOG_TIME, Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.writer import INCOMPLETE_KEY
+from ares_bringup.facts import facts_of
 from ares_bringup.flown_mission import flown_mission
+from ares_bringup.observed import Diagnostic, Event, GuidanceSample
 from ares_bringup.options import CannotStart
-from ares_bringup.summary import Diagnostic, Event, FlightSummary, GuidanceSample, facts_of
+from ares_bringup.summary import FlightSummary
 from ares_models.mission import Mission
 from ares_models.units import NANOSECONDS
 

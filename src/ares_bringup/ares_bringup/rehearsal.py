@@ -7,8 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from ares_bringup.facts import facts_of
+from ares_bringup.insertion import judgement
 from ares_bringup.options import PEG, CannotStart, refusal
-from ares_bringup.summary import facts_of, judgement
 
 if TYPE_CHECKING:
     from ares_guidance.law import LawSettings

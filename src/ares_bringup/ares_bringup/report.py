@@ -9,8 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ares_bringup.insertion import OrbitState, orbit_state, target_state
 from ares_bringup.options import PEG
-from ares_bringup.summary import FlightSummary, OrbitState, orbit_state, target_state
+from ares_bringup.summary import FlightSummary
 
 WIDTH = 80
 BLANK = "-"

@@ -3,33 +3,28 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from ares_bags.errors import printable
-from ares_models.arrays import (
-    LONGEST_FLIGHT,
-    NAMES_ASCENDING_NODE,
-    NAMES_FLIGHT_PATH_ANGLE,
-    NAMES_INCLINATION,
-    NAMES_RADIUS,
-    NAMES_SPEED,
-    TARGET_ELEMENTS,
-    TARGET_KEPLERIAN,
-    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+from ares_bringup.facts import MissionFacts
+from ares_bringup.insertion import judgement
+from ares_bringup.observed import Diagnostic, Event, GuidanceSample
+from ares_bringup.outcomes import (
+    EXIT_INTERRUPTED,
+    EXIT_NOT_AS_IT_SHOULD,
+    EXIT_TARGET,
+    VERDICTS,
+    Outcome,
 )
-from ares_studies.event_words import ENDS, MARKS, event_name
+from ares_models.arrays import LONGEST_FLIGHT
+from ares_studies.event_words import ENDS, event_name
 from ares_vehicle_sim.arrays import (
-    ARC_ENDED,
     CUTOFF,
     DEPLETION,
     FAILED,
     FLIGHT_STARTED,
     GUIDANCE_BACK,
     GUIDANCE_LOST,
-    IGNITION,
     IMPACT,
     JETTISON_DONE,
     OVER_LIMIT,
@@ -39,289 +34,9 @@ from ares_vehicle_sim.arrays import (
 if TYPE_CHECKING:
     from ares_models.impacts import Impact
     from ares_models.judge import Judgement
-    from ares_models.mission import Mission
-    from ares_models.orbits import Elements
-
-#: Fraction of the flight within which neighbouring labels are merged, at the last of them.
-NEAR_MARKS = 0.15
-
-#: Exit statuses of `ares fly`.
-EXIT_TARGET = 0
-EXIT_NOT_AS_IT_SHOULD = 1
-EXIT_CANNOT_START = 2
-EXIT_INTERRUPTED = 130
-#: Their meanings, after a start.
-EXIT_MEANINGS = {
-    EXIT_TARGET: "flown to the target",
-    EXIT_NOT_AS_IT_SHOULD: "flown, but not as it should",
-    EXIT_INTERRUPTED: "interrupted",
-}
 
 #: Most diagnostics kept; later ones are only counted.
 MAX_DIAGNOSTICS = 200
-
-Vector = tuple[float, float, float]
-
-
-class Outcome(StrEnum):
-    """Name the ways in which a flight ends."""
-
-    TARGET = "target"
-    TARGET_MISSED = "target_missed"
-    DEPLETION = "depletion"
-    IMPACT = "impact"
-    TIME_LIMIT = "time_limit"
-    INCOMPLETE = "incomplete"
-    INTERRUPTED = "interrupted"
-
-
-#: Outcomes in a few words.
-VERDICTS = {
-    Outcome.TARGET: "Flown to the target",
-    Outcome.TARGET_MISSED: "Target missed",
-    Outcome.DEPLETION: "Propellant ran out",
-    Outcome.IMPACT: "Met the ground",
-    Outcome.TIME_LIMIT: "Not over in time",
-    Outcome.INCOMPLETE: "Incomplete",
-    Outcome.INTERRUPTED: "Interrupted",
-}
-
-
-def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
-    """Merge the labels of close instants at the last of them, so that none overlap.
-
-    Args:
-        words: labels by instant, s.
-        span_s: duration of the whole flight.
-
-    Returns:
-        Instants in order, each with a label that may be "".
-    """
-    marks = sorted(words.items())
-    for k in range(len(marks) - 1):
-        (at, word), (after, next_word) = marks[k : k + 2]
-        if after - at < NEAR_MARKS * span_s:
-            marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
-    return marks
-
-
-@dataclass(frozen=True)
-class MissionFacts:
-    """Hold the data of a mission by which its flight is described and judged.
-
-    Attributes:
-        name: short name.
-        title: full name.
-        mu: m3/s2.
-        target: record of dtype TARGET.
-        arcs: name of each arc.
-        stages: name of each stage.
-        jettisons: name of each jettison.
-        fairing: index of the first heating jettison; None: none.
-        equatorial_radius: m.
-        environment: record of dtype ENVIRONMENT; None: longitude zero is unknown.
-        areas: names of the areas that impacts must avoid.
-    """
-
-    name: str
-    title: str
-    mu: float
-    target: Any
-    arcs: Sequence[str] = ()
-    stages: Sequence[str] = ()
-    jettisons: Sequence[str] = ()
-    fairing: int | None = None
-    equatorial_radius: float = math.nan
-    environment: Any = None
-    areas: Sequence[str] = ()
-
-
-def facts_of(mission: "Mission") -> MissionFacts:
-    """Return the facts of a mission."""
-    from ares_models.mission_target import target_record
-
-    heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.drops]
-    return MissionFacts(
-        name=mission.name,
-        title=mission.title,
-        mu=mission.environment.mu_m3_s2,
-        target=target_record(mission)[0],
-        arcs=mission.arc_names,
-        stages=mission.stage_names,
-        jettisons=mission.jettison_names,
-        fairing=heating.index(True) if True in heating else None,
-        equatorial_radius=mission.environment.earth.equatorial_radius_m,
-        environment=None if mission.zero_longitude_deg is None else mission.environment_array()[0],
-        areas=mission.area_names,
-    )
-
-
-@dataclass(frozen=True)
-class Event:
-    """Hold a flight event, as in FlightEvent: SI, ares_eci."""
-
-    type: int
-    index: int
-    time: float
-    position: Vector
-    velocity: Vector
-    mass: float
-
-
-@dataclass(frozen=True)
-class Diagnostic:
-    """Hold a warning or an error of a node; `time` is mission elapsed time in s."""
-
-    time: float
-    node: str
-    level: str
-    message: str
-
-    def __str__(self) -> str:
-        """Format it as one line."""
-        return printable(f"t {self.time:.2f} s  {self.level}  {self.node}: {self.message}")
-
-
-@dataclass(frozen=True)
-class GuidanceSample:
-    """Hold the fields of GuidanceStatus that the summary uses."""
-
-    time: float
-    cycle: int
-    converged: bool
-    total_iterations: int
-    stale_cycles: int
-    law: int
-    cutoff_time: float
-    predicted_position: Vector
-    predicted_velocity: Vector
-
-
-@dataclass(frozen=True)
-class OrbitState:
-    """Hold the quantities by which an insertion is judged: m, m/s, degrees."""
-
-    radius_m: float
-    speed_m_s: float
-    flight_path_angle_deg: float
-    inclination_deg: float
-    ascending_node_deg: float
-
-
-def orbit_state(position: Sequence[float], velocity: Sequence[float]) -> OrbitState:
-    """Compute the judged quantities of a state.
-
-    Args:
-        position: m, shape (3,).
-        velocity: inertial, m/s, shape (3,).
-    """
-    from ares_models.orbits import Insertion
-
-    state = Insertion.from_state(position, velocity)
-    return OrbitState(
-        state.radius,
-        state.speed,
-        math.degrees(state.flight_path_angle),
-        math.degrees(state.inclination),
-        math.degrees(state.ascending_node),
-    )
-
-
-def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
-    """Compute the target's quantities at a flown position; NaN where they are free.
-
-    A Keplerian target leaves the position on the orbit free. It is evaluated at the point of the
-    target orbit that is nearest in direction to the flown position.
-
-    Args:
-        facts: the mission.
-        position: flown, m, shape (3,).
-    """
-    target = facts.target
-    if int(target["kind"]) == TARGET_ELEMENTS:
-        return _named_state(target)
-    if int(target["kind"]) != TARGET_KEPLERIAN:
-        plane = int(target["kind"]) == TARGET_RADIUS_SPEED_ANGLE_PLANE
-        return OrbitState(
-            float(target["radius"]),
-            float(target["speed"]),
-            math.degrees(float(target["flight_path_angle"])),
-            math.degrees(float(target["inclination"])),
-            math.degrees(float(target["ascending_node"])) if plane else math.nan,
-        )
-    from ares_models.orbits import Elements
-
-    orbit = Elements(
-        float(target["semi_major_axis"]),
-        float(target["eccentricity"]),
-        float(target["inclination"]),
-        float(target["ascending_node"]),
-        float(target["argument_of_perigee"]),
-        true_anomaly=0.0,
-    )
-    perigee, forward = (vector.tolist() for vector in orbit.state(facts.mu))
-    try:
-        anomaly = math.atan2(_along(position, forward), _along(position, perigee))
-    except (OverflowError, ValueError):
-        anomaly = math.nan
-    if math.isnan(anomaly):
-        # overflow: no nearest point exists
-        return OrbitState(*[math.nan] * len(fields(OrbitState)))
-    there = replace(orbit, true_anomaly=anomaly).state(facts.mu)
-    return orbit_state(there[0].tolist(), there[1].tolist())
-
-
-def _named_state(target: Any) -> OrbitState:
-    """Return the quantities that a target by elements fixes; NaN for the others."""
-    named = int(target["named"])
-    return OrbitState(
-        float(target["radius"]) if named & NAMES_RADIUS else math.nan,
-        float(target["speed"]) if named & NAMES_SPEED else math.nan,
-        math.degrees(target["flight_path_angle"]) if named & NAMES_FLIGHT_PATH_ANGLE else math.nan,
-        math.degrees(target["inclination"]) if named & NAMES_INCLINATION else math.nan,
-        math.degrees(target["ascending_node"]) if named & NAMES_ASCENDING_NODE else math.nan,
-    )
-
-
-def _along(x: Sequence[float], axis: Sequence[float]) -> float:
-    return math.fsum(a * b for a, b in zip(x, axis, strict=True)) / math.hypot(*axis)
-
-
-def judgement(
-    facts: MissionFacts,
-    position: Sequence[float],
-    velocity: Sequence[float],
-    *,
-    grounded: bool = False,
-) -> "Judgement":
-    """Judge a state.
-
-    Args:
-        facts: the mission.
-        position: m, shape (3,).
-        velocity: m/s, shape (3,).
-        grounded: whether the vehicle has hit the ground.
-    """
-    from ares_models.judge import judge
-
-    return judge(
-        position, velocity, facts.target, facts.mu, facts.equatorial_radius, grounded=grounded
-    )
-
-
-def orbit_of(
-    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
-) -> "Elements":
-    """Compute the orbital elements of a state; all NaN if there is no orbit.
-
-    Args: see :func:`judgement`.
-    """
-    from ares_models.orbits import Elements
-
-    try:
-        return Elements.from_state(position, velocity, facts.mu)
-    except ValueError:
-        return Elements(*[math.nan] * len(fields(Elements)))
 
 
 @dataclass
@@ -587,102 +302,9 @@ class FlightSummary:
             return EXIT_INTERRUPTED
         return EXIT_NOT_AS_IT_SHOULD if self.shortcomings() else EXIT_TARGET
 
-    # ---- output
+    # ---- words
 
     def event_name(self, event: Event) -> str:
         """Describe an event with the mission's names."""
         facts = self.facts
         return event_name(event.type, event.index, facts.arcs, facts.stages, facts.jettisons)
-
-    def marks(self) -> list[tuple[float, str]]:
-        """Return the instants to mark in plots: mission elapsed time in s, and a label, maybe "".
-
-        Each instant has one mark, and labels do not overlap. A coast begins where a burn ends, and
-        ends where an engine ignites; a drop at the same instant takes precedence.
-        """
-        ignitions = {round(event.time, 3) for event in self.events if event.type == IGNITION}
-        words: dict[float, str] = {}
-        for event in self.events:
-            if event.type in MARKS:
-                words.setdefault(round(event.time, 3), MARKS[event.type])
-        for event in self.events:
-            if event.type == ARC_ENDED:
-                at = round(event.time, 3)
-                words.setdefault(at, "ignition" if at in ignitions else "coast")
-        span = self.events[-1].time - self.events[0].time if words else 0.0
-        return apart(words, span)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the object that `ares fly --json` prints; unknown numbers are None."""
-        judged = self.judgement
-        errors = judged.errors if judged else {}
-        keys = dict.fromkeys(("radius_m", "speed_m_s", "flight_path_angle_deg", "inclination_deg"))
-        result = {
-            "mission": self.facts.name,
-            "guidance": self.guidance,
-            "t_plf_s": self.t_plf_s,
-            "t_meco_s": self.t_meco_s,
-            "m_f_kg": self.m_f_kg,
-            "insertion_error": {**keys, **errors},
-            "guidance_cycles": self.guidance_cycles,
-            "longest_cycle_ms": self.longest_cycle_ms,
-            "wall_s": self.wall_s,
-            "realtime_factor": self.realtime_factor,
-            "bag": self.bag,
-            "flight_id": f"{self.flight_id:016x}",
-            "domain_id": self.domain_id,
-            "namespace": self.namespace,
-            "foreign_messages": self.foreign_messages,
-            "unguided_s": self.unguided_s,
-            "outcome": self.outcome.value,
-            "end": str(judged.end) if judged else None,
-            "exit_status": self.exit_code,
-            "impact": _impact(self.impact),
-            "shortcomings": self.shortcomings(),
-            "first_convergence_iterations": self.first_convergence_iterations,
-            "max_stale_cycles": self.max_stale_cycles,
-            "lost_messages": self.lost_messages,
-            "events": [
-                {
-                    "t_s": event.time,
-                    "type": event.type,
-                    "index": event.index,
-                    "name": self.event_name(event),
-                    "mass_kg": event.mass,
-                }
-                for event in self.events
-            ],
-            "diagnostic_count": self.diagnostic_count,
-            "diagnostics": [
-                {
-                    "t_s": line.time,
-                    "node": line.node,
-                    "level": line.level,
-                    "message": line.message,
-                }
-                for line in self.diagnostics
-            ],
-        }
-        return {key: _json_value(value) for key, value in result.items()}
-
-
-def _impact(impact: "Impact | None") -> dict[str, Any] | None:
-    if impact is None:
-        return None
-    return {
-        "t_s": impact.time_s,
-        "latitude_deg": impact.latitude_deg,
-        "longitude_deg": impact.longitude_deg,
-        "area": impact.area,
-        "outside_m": impact.outside_m,
-    }
-
-
-def _json_value(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _json_value(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_json_value(item) for item in value]
-    return value

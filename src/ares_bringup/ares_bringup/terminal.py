@@ -10,8 +10,10 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from ares_bringup.insertion import judgement
+from ares_bringup.observed import GuidanceSample
 from ares_bringup.report import BLANK, number, small
-from ares_bringup.summary import FlightSummary, GuidanceSample, judgement
+from ares_bringup.summary import FlightSummary
 from ares_msgs.msg import VehicleState
 from ares_node.qos import LATEST, VEHICLE_STATE
 from ares_node.states import Unreadable, message_of

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ares_bringup.summary import MissionFacts
+from ares_bringup.facts import MissionFacts
 from ares_trials.testing.flights import made_up_mission
 from ares_trials.testing.ros import ros_context, ros_domain
 

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 
 from ares_bringup import fly as module
-from ares_bringup import watch
+from ares_bringup import processes, watch
+from ares_bringup.crew import Crew
 from ares_bringup.fly import fly
 from ares_bringup.options import CannotStart, FlyOptions
-from ares_bringup.summary import Outcome
+from ares_bringup.outcomes import Outcome
 from ares_trials.testing.ros import own_words
 
 
@@ -25,13 +26,13 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     monkeypatch.setenv("FAKE_MARKS", str(tmp_path))
     pids = []
-    start = module.Crew.start
+    start = Crew.start
 
     def noting_start(self, name, *rest):
         start(self, name, *rest)
         pids.append(self.pid(name))
 
-    monkeypatch.setattr(module.Crew, "start", noting_start)
+    monkeypatch.setattr(Crew, "start", noting_start)
 
     def run(begun=lambda: None, restarts=3, until=lambda _said: False, **behaviour):
         for name, how in behaviour.items():
@@ -129,7 +130,7 @@ def test_simulator_killed_in_flight(flight):
 
 
 def test_a_node_that_hears_no_signal_is_killed(flight, monkeypatch):
-    monkeypatch.setattr(module, "NODE_STOP_TIMEOUT", 3.0)
+    monkeypatch.setattr(processes, "NODE_STOP_TIMEOUT", 3.0)
     summary, _ = flight(guidance="hang")
     assert summary.outcome is Outcome.TARGET
     assert summary.shortcomings() == ["guidance did not end within 3 s: killed"]
@@ -170,13 +171,14 @@ def test_a_killed_parent_leaves_nothing(fake_nodes, ros_domain, tmp_path):
     program = f"""
 from ares_trials.testing.flights import made_up_mission
 from ares_bringup import fly as module
+from ares_bringup.crew import Crew
 from ares_bringup.options import FlyOptions
 module.mission_facts = lambda name: made_up_mission()
-start = module.Crew.start
+start = Crew.start
 def noting_start(self, name, *rest):
     start(self, name, *rest)
     print(self.pid(name), flush=True)
-module.Crew.start = noting_start
+Crew.start = noting_start
 module.fly(FlyOptions(record=True, bag=__import__("pathlib").Path({str(tmp_path / "bag")!r})),
            modules={fake_nodes!r})
 """

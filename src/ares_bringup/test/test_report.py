@@ -7,8 +7,9 @@ import re
 
 import pytest
 
+from ares_bringup.observed import Diagnostic
 from ares_bringup.report import console, number, print_summary, shown_path
-from ares_bringup.summary import Diagnostic, FlightSummary
+from ares_bringup.summary import FlightSummary
 from ares_trials.testing.flights import flown, good_flight, made_up_event, made_up_status
 
 

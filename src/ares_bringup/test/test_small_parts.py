@@ -17,7 +17,8 @@ import pytest
 
 from ares_bringup import fly
 from ares_bringup.discovery import PROFILE, PROFILE_3, PROFILE_VARIABLES, discovery_settings
-from ares_bringup.fly import law_that_flew, node_parameters
+from ares_bringup.judge import law_that_flew
+from ares_bringup.node_values import node_parameters
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
 from ares_bringup.summary import FlightSummary
@@ -188,7 +189,7 @@ def test_what_is_not_a_parameter_file(tmp_path, text, complaint):
 
 
 def test_a_flight_that_the_optimizer_plans_needs_what_solves(monkeypatch):
-    monkeypatch.setattr("ares_bringup.fly.unmet", lambda *asked: f"{asked}")
+    monkeypatch.setattr("ares_bringup.node_values.unmet", lambda *asked: f"{asked}")
     assert set(node_parameters(FlyOptions(), None, 1)) == {"vehicle_sim", "guidance"}
     with pytest.raises(CannotStart, match=r"\('ares_optimizer', 'solve'\)"):
         node_parameters(FlyOptions(settings={"initial_guess": "analytic"}), None, 1)

@@ -10,17 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ares_bringup.summary import (
-    MAX_DIAGNOSTICS,
-    Diagnostic,
-    Event,
-    FlightSummary,
-    MissionFacts,
-    Outcome,
-    facts_of,
-    judgement,
-    target_state,
-)
+from ares_bringup.facts import MissionFacts, facts_of
+from ares_bringup.insertion import judgement, target_state
+from ares_bringup.marks import marks_of
+from ares_bringup.observed import Diagnostic, Event
+from ares_bringup.outcomes import Outcome
+from ares_bringup.summary import MAX_DIAGNOSTICS, FlightSummary
+from ares_bringup.summary_json import to_json
 from ares_models.arrays import (
     NAMES_APOGEE,
     NAMES_ARGUMENT_OF_PERIGEE,
@@ -88,7 +84,7 @@ def with_safe_perigee(facts, altitude):
 def test_the_end_in_place_of_the_target_is_named_and_no_success(facts):
     lowered = good_flight(facts, speed=SPEED - 12.0)
     assert lowered.shortcomings()[1:] == ["target lowered by 12.0 m/s"]
-    assert lowered.to_json()["end"] == "lowered"
+    assert to_json(lowered)["end"] == "lowered"
     assert lowered.exit_code == 1
     # as slow, and too low to last
     low = good_flight(with_safe_perigee(facts, 200e3), speed=SPEED - 12.0)
@@ -189,12 +185,12 @@ def test_diagnostics_are_bounded(facts):
     for number in range(MAX_DIAGNOSTICS + 5):
         summary.add_diagnostic(Diagnostic(float(number), "guidance", "WARN", "again"))
     assert len(summary.diagnostics) == MAX_DIAGNOSTICS
-    assert summary.to_json()["diagnostic_count"] == MAX_DIAGNOSTICS + 5
+    assert to_json(summary)["diagnostic_count"] == MAX_DIAGNOSTICS + 5
 
 
 def test_json_has_every_key_and_no_nan(facts):
     for summary in (FlightSummary(facts, "peg"), flown(facts), good_flight(facts, mass=math.nan)):
-        text = json.dumps(summary.to_json(), allow_nan=False)
+        text = json.dumps(to_json(summary), allow_nan=False)
         keys = json.loads(text)
         assert {
             "mission",
@@ -314,7 +310,7 @@ def test_a_target_by_elements_is_judged_by_what_it_names():
     assert high.misses() == [text for text in high.misses() if text.startswith("apogee radius ")]
     assert transfer(perigee=6_564_140.0).outcome is Outcome.TARGET_MISSED
     assert transfer(argument=130.6).outcome is Outcome.TARGET_MISSED
-    told = summary.to_json()["insertion_error"]
+    told = to_json(summary)["insertion_error"]
     assert told["radius_m"] is None
     assert told["perigee_radius_m"] == pytest.approx(0.0, abs=1e-3)
 
@@ -341,7 +337,7 @@ def test_marks_of_coasts_and_of_what_is_near():
         (FLIGHT_COMPLETE, 0, 1823.686),
     ):
         summary.add_event(Event(kind, index, time, (7e6, 0.0, 0.0), (0.0, 7e3, 0.0), 1e4))
-    assert summary.marks() == [
+    assert marks_of(summary) == [
         (919.251, "coast"),
         (1819.251, ""),
         (1823.686, "ignition, cut-off"),
@@ -361,7 +357,7 @@ def test_a_staging_is_marked_as_one_though_an_arc_ends_and_an_engine_ignites_the
         (FLIGHT_COMPLETE, 0, 767.1),
     ):
         summary.add_event(Event(kind, index, time, (7e6, 0.0, 0.0), (0.0, 7e3, 0.0), 1e5))
-    assert summary.marks() == [(337.15, "staging"), (434.0, "jettison"), (767.1, "cut-off")]
+    assert marks_of(summary) == [(337.15, "staging"), (434.0, "jettison"), (767.1, "cut-off")]
 
 
 # ---- where it falls
@@ -381,7 +377,7 @@ def test_a_fall_names_its_place_and_never_exits_with_success(facts):
     assert impact is not None and impact.area is None
     assert summary.shortcomings()[-1] == f"falls at {impact.place}, outside all 8 areas"
     assert summary.exit_code == 1
-    said = json.loads(json.dumps(summary.to_json(), allow_nan=False))["impact"]
+    said = json.loads(json.dumps(to_json(summary), allow_nan=False))["impact"]
     assert said["latitude_deg"] == pytest.approx(impact.latitude_deg)
     assert said["area"] is None and said["outside_m"] > 0.0
     # the body turns below until it is down
@@ -403,14 +399,14 @@ def test_a_fall_into_an_area_names_it(facts):
     named = replace(facts_of(type(mission).model_validate(data)), target=facts.target)
     summary = good_flight(named, speed=5000.0)
     assert f"falls at {before.place}, in there" in summary.shortcomings()
-    assert summary.to_json()["impact"]["area"] == "there"
-    assert summary.to_json()["impact"]["outside_m"] == pytest.approx(-1e4, abs=10.0)
+    assert to_json(summary)["impact"]["area"] == "there"
+    assert to_json(summary)["impact"]["outside_m"] == pytest.approx(-1e4, abs=10.0)
 
 
 def test_without_areas_or_longitudes_nothing_is_made_up(facts):
     assert fallen(facts, 5000.0, areas=()).shortcomings()[-1].startswith("falls at ")
     plain = good_flight(replace(facts, environment=None), speed=5000.0)
-    assert plain.impact is None and plain.to_json()["impact"] is None
+    assert plain.impact is None and to_json(plain)["impact"] is None
     assert not any("falls" in line for line in plain.shortcomings())
     assert facts_of(load_mission("delta_iii")).environment is None
 
@@ -418,4 +414,4 @@ def test_without_areas_or_longitudes_nothing_is_made_up(facts):
 def test_an_orbit_does_not_fall(facts):
     circle = math.sqrt(MU / RADIUS)
     assert fallen(facts, circle).impact is None
-    assert fallen(facts, circle + 50.0).to_json()["impact"] is None
+    assert to_json(fallen(facts, circle + 50.0))["impact"] is None

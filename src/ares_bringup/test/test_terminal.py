@@ -5,8 +5,8 @@ import io
 
 import pytest
 
+from ares_bringup.observed import GuidanceSample
 from ares_bringup.report import WIDTH, console
-from ares_bringup.summary import GuidanceSample
 from ares_bringup.terminal import picture
 from ares_guidance.arrays import LAW_PEG
 from ares_msgs.msg import VehicleState

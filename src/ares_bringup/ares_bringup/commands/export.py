@@ -7,8 +7,8 @@ from pathlib import Path
 from ares_bags.files import find_file
 from ares_bringup.commands.report import recording_of
 from ares_bringup.options import ExportFormat, ExportTable
+from ares_bringup.outcomes import VERDICTS
 from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
-from ares_bringup.summary import VERDICTS
 from ares_bringup.whole_file import write_whole
 from ares_studies.export.czml import as_czml
 from ares_studies.export.kml import as_kml

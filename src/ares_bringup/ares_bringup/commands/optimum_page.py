@@ -22,9 +22,9 @@ from ares_bringup.commands.report import (
     recording_of,
     told_of,
 )
+from ares_bringup.marks import apart
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight
-from ares_bringup.summary import apart
 from ares_bringup.whole_file import write_whole
 from ares_models.arrays import BURN
 from ares_models.mission import Mission

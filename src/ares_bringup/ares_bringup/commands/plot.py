@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ares_bags.files import find_file
+from ares_bringup.marks import marks_of
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import read_flight, tell_notes
 from ares_bringup.whole_file import write_whole
@@ -42,7 +43,7 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
         f"{flown.mission.title} - {flown.law}",
         flown.columns["vehicle_state"],
         flown.columns["guidance_status"],
-        flown.summary.marks(),
+        marks_of(flown.summary),
         _heating_limit(flown.mission),
         _target(flown.mission),
     )

@@ -10,16 +10,14 @@ from pathlib import Path
 
 from ares_bags.files import find_file
 from ares_bags.writer import DATE_KEY, GUIDANCE_KEY, MACHINE_KEY
+from ares_bringup.insertion import orbit_of, orbit_state
+from ares_bringup.marks import marks_of
+from ares_bringup.observed import Diagnostic
 from ares_bringup.options import CannotStart
+from ares_bringup.outcomes import Outcome
 from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path
-from ares_bringup.summary import (
-    Diagnostic,
-    FlightSummary,
-    Outcome,
-    orbit_of,
-    orbit_state,
-)
+from ares_bringup.summary import FlightSummary
 from ares_bringup.whole_file import write_whole
 from ares_studies.flight_page.budget import Budget
 from ares_studies.flight_page.data import Recording, make_flight
@@ -152,7 +150,7 @@ def account_of(name: str, flown: RecordedFlight, budget: Budget) -> Account:
         events=tuple(
             Happening(event.time, summary.event_name(event), event.mass) for event in summary.events
         ),
-        marks=tuple(Guide(*mark) for mark in summary.marks()),
+        marks=tuple(Guide(*mark) for mark in marks_of(summary)),
         diagnostics=tuple(_complaints(summary.diagnostics)),
     )
 

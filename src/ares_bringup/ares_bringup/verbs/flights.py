@@ -171,7 +171,9 @@ def _tell(summary: "FlightSummary", as_json: bool) -> None:
         kept = f"; the bag {summary.bag} is empty" if summary.bag else "; nothing was written"
         print(f"ares: interrupted before the flight began{kept}", file=sys.stderr)
     elif as_json:
-        typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
+        from ares_bringup.summary_json import to_json
+
+        typer.echo(json.dumps(to_json(summary), indent=2, allow_nan=False))
     else:
         from ares_bringup.report import console, print_summary
 

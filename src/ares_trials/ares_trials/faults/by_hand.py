@@ -11,9 +11,13 @@ import sys
 
 from ares_bringup.crew import Crew, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.fly import MODULES, flight_graph, mission_facts, say_on_standard_error
+from ares_bringup.fly import say_on_standard_error
+from ares_bringup.graph import flight_graph
+from ares_bringup.inputs import mission_facts
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
+from ares_bringup.processes import MODULES
 from ares_bringup.summary import FlightSummary
+from ares_bringup.summary_json import to_json
 from ares_node.identity import new_id
 
 MISSION = "ares_v"
@@ -50,7 +54,7 @@ def main() -> int:
             flight_id = new_id()
             _start(crew, SIMULATOR, flight_id=flight_id, pace=pace, navigation_period_s=1.0)
             summary = _watch(crew, flight_id)
-    print(json.dumps(summary.to_json(), allow_nan=False))
+    print(json.dumps(to_json(summary), allow_nan=False))
     return summary.exit_code
 
 

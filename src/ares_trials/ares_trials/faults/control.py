@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any, Self
 
 from ares_bringup.options import CannotStart
-from ares_bringup.summary import Outcome
+from ares_bringup.outcomes import Outcome
 from ares_trials.faults.scene import Scene
 
 

@@ -10,9 +10,11 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from ares_bringup.fly import MODULES, fly
+from ares_bringup.fly import fly
 from ares_bringup.options import CannotStart, FlyOptions
-from ares_bringup.summary import EXIT_CANNOT_START
+from ares_bringup.outcomes import EXIT_CANNOT_START
+from ares_bringup.processes import MODULES
+from ares_bringup.summary_json import to_json
 
 
 def main() -> int:
@@ -28,7 +30,7 @@ def main() -> int:
     except CannotStart as error:
         print(f"ares: {error}", file=sys.stderr)
         return EXIT_CANNOT_START
-    print(json.dumps(summary.to_json(), allow_nan=False))
+    print(json.dumps(to_json(summary), allow_nan=False))
     return summary.exit_code
 
 

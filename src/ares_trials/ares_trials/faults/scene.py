@@ -24,9 +24,9 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.fly import MODULES
 from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
+from ares_bringup.processes import MODULES
 from ares_node.domains import claimed_domain
 from ares_node.key import new_key
 from ares_node.membership import AGREED, Role

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ares_bringup.summary import Event, FlightSummary, GuidanceSample, MissionFacts
+from ares_bringup.facts import MissionFacts
+from ares_bringup.observed import Event, GuidanceSample
+from ares_bringup.summary import FlightSummary
 from ares_guidance.arrays import LAW_PEG
 from ares_models.arrays import TARGET, TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_vehicle_sim.arrays import CUTOFF, FLIGHT_COMPLETE, FLIGHT_STARTED, JETTISON_DONE

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Label the instants of a flight to mark in plots."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ares_studies.event_words import MARKS
+from ares_vehicle_sim.arrays import ARC_ENDED, IGNITION
+
+if TYPE_CHECKING:
+    from ares_bringup.summary import FlightSummary
+
+#: Fraction of the flight within which neighbouring labels are merged, at the last of them.
+NEAR_MARKS = 0.15
+
+
+def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
+    """Merge the labels of close instants at the last of them, so that none overlap.
+
+    Args:
+        words: labels by instant, s.
+        span_s: duration of the whole flight.
+
+    Returns:
+        Instants in order, each with a label that may be "".
+    """
+    marks = sorted(words.items())
+    for k in range(len(marks) - 1):
+        (at, word), (after, next_word) = marks[k : k + 2]
+        if after - at < NEAR_MARKS * span_s:
+            marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
+    return marks
+
+
+def marks_of(summary: "FlightSummary") -> list[tuple[float, str]]:
+    """Return the instants to mark in plots: mission elapsed time in s, and a label, maybe "".
+
+    Each instant has one mark, and labels do not overlap. A coast begins where a burn ends, and
+    ends where an engine ignites; a drop at the same instant takes precedence.
+    """
+    ignitions = {round(event.time, 3) for event in summary.events if event.type == IGNITION}
+    words: dict[float, str] = {}
+    for event in summary.events:
+        if event.type in MARKS:
+            words.setdefault(round(event.time, 3), MARKS[event.type])
+    for event in summary.events:
+        if event.type == ARC_ENDED:
+            at = round(event.time, 3)
+            words.setdefault(at, "ignition" if at in ignitions else "coast")
+    span = summary.events[-1].time - summary.events[0].time if words else 0.0
+    return apart(words, span)
