@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of the tests that cross packages."""
 
-import importlib.util
 import os
 import shutil
 import socket
@@ -17,6 +16,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+import preparation.browser
 from ares_bringup.commands.cli import main
 from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
@@ -145,12 +145,8 @@ def free_port() -> int:
 
 
 def find_browser() -> str:
-    spec = importlib.util.spec_from_file_location("workspace", ROOT / "tools" / "workspace.py")
-    workspace = importlib.util.module_from_spec(spec)
-    sys.modules["workspace"] = workspace
-    spec.loader.exec_module(workspace)
-    found = workspace.find_browser(os.environ)
-    assert found, workspace.NO_BROWSER
+    found = preparation.browser.find_browser(os.environ)
+    assert found, preparation.browser.NO_BROWSER
     return found
 
 

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults in real flights: one trial of each kind, and the judgement of trials."""
 
-import importlib.util
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+import page_tables
 from ares_bringup.commands import interrupts
 from ares_bringup.commands.cli import main
 from ares_bringup.held import shared_memory
@@ -192,15 +191,11 @@ def test_a_campaign_that_is_interrupted_in_a_flight_says_so(number, status):
 
 
 def test_the_pages_hold_what_was_kept():
-    path = Path(__file__).parent.parent / "tools" / "page_tables.py"
-    spec = importlib.util.spec_from_file_location("page_tables", path)
-    tool = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(tool)
-    for table in tool.TABLES:
+    for table in page_tables.TABLES:
         assert table.filled() == table.page.read_text()
-        assert table.page.read_text().count(tool.BEGIN) == 1
-    reliability, links = (json.loads(table.result.read_text()) for table in tool.TABLES)
-    assert tool.TABLES[0].page.read_text().count("\n| all |") == 1
+        assert table.page.read_text().count(page_tables.BEGIN) == 1
+    reliability, links = (json.loads(table.result.read_text()) for table in page_tables.TABLES)
+    assert page_tables.TABLES[0].page.read_text().count("\n| all |") == 1
     # each row of the page is a flight that was judged
     assert all(row["mass_kg"] > 0.0 and row["outcome"] for row in links["rows"])
     # each row that there is was tried

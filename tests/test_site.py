@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The site builds without warnings, holds the sources' contents, and needs no network."""
 
-import importlib
 import re
 import subprocess
 import sys
@@ -9,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
+import site_pages
 from ares_models.mission import Mission
 from ares_trials.testing.pages import THEMES
 from ares_vehicle_sim.dispersions import Dispersions
 
 ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT / "tools"))
-site_pages = importlib.import_module("site_pages")
 
 
 #: Code that is cut: beyond the window, with nothing around it that scrolls.

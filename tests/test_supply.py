@@ -1,35 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The project's dependencies: pins with hashes, licences, and known vulnerabilities."""
 
-import importlib.util
 import json
 import re
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 import yaml
+
+import advisories
+import sbom
 
 ROOT = Path(__file__).parent.parent
 REQUIREMENTS = ROOT / "requirements"
 LOCKED = REQUIREMENTS / "locked"
 #: Peers of the benchmarks, which nothing installs.
 UNLOCKED = {"bench.txt"}
-
-
-def tool(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-sbom = tool("sbom")
-advisories = tool("advisories")
 
 
 def listed(path: Path) -> dict[str, str]:

@@ -2,7 +2,6 @@
 """The preparation of the workspace, without a real one."""
 
 import fcntl
-import importlib.util
 import os
 import pty
 import shlex
@@ -15,19 +14,23 @@ from pathlib import Path
 
 import pytest
 
+import workspace
+from ares_bringup.usage import read_usage
+from preparation import (
+    browser,
+    building,
+    digests,
+    installing,
+    layout,
+    needs,
+    paths,
+    progress,
+    running,
+    stamps,
+    steps,
+)
+
 ROOT = Path(__file__).parent.parent
-
-
-def load():
-    spec = importlib.util.spec_from_file_location("workspace", ROOT / "tools" / "workspace.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["workspace"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-workspace = load()
-progress = sys.modules["progress"]
 
 
 @pytest.fixture
@@ -68,69 +71,69 @@ def project(tmp_path):
 
 
 def test_digest_sees_where_parts_end():
-    assert workspace.digest(["ab", "c"]) != workspace.digest(["a", "bc"])
-    assert workspace.digest(["ab", b"c"]) == workspace.digest([b"ab", "c"])
+    assert digests.digest(["ab", "c"]) != digests.digest(["a", "bc"])
+    assert digests.digest(["ab", b"c"]) == digests.digest([b"ab", "c"])
 
 
 def test_environment_follows_pins_python_ros_and_place(project):
-    before = workspace.environment_digest(project, "3.11", "")
-    assert workspace.environment_digest(project, "3.11", "") == before
-    assert workspace.environment_digest(project, "3.12", "") != before
-    assert workspace.environment_digest(project, "3.11", "/opt/ros/jazzy") != before
+    before = digests.environment_digest(project, "3.11", "")
+    assert digests.environment_digest(project, "3.11", "") == before
+    assert digests.environment_digest(project, "3.12", "") != before
+    assert digests.environment_digest(project, "3.11", "/opt/ros/jazzy") != before
     (project / "requirements/locked/dev.txt").write_text("pytest==9.2.1\n")
-    assert workspace.environment_digest(project, "3.11", "") == before
+    assert digests.environment_digest(project, "3.11", "") == before
     (project / "requirements/locked/fly.txt").write_text("numpy==2.4.7\n")
-    assert workspace.environment_digest(project, "3.11", "") != before
+    assert digests.environment_digest(project, "3.11", "") != before
 
 
 def test_a_sourced_ros_does_not_depend_on_the_wheels(project):
-    before = workspace.environment_digest(project, "3.12", "/opt/ros/jazzy")
+    before = digests.environment_digest(project, "3.12", "/opt/ros/jazzy")
     (project / "requirements/locked/ros-jazzy.txt").write_text("ros-rclpy==7.1.8\n")
-    assert workspace.environment_digest(project, "3.12", "/opt/ros/jazzy") == before
+    assert digests.environment_digest(project, "3.12", "/opt/ros/jazzy") == before
 
 
 def test_interfaces_are_rebuilt_for_messages_only(project):
-    before = workspace.interface_digest(project, "x")
+    before = digests.interface_digest(project, "x")
     (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
     (project / "src/ares_one/setup.py").write_text("setup(name='ares_one')\n")
-    assert workspace.interface_digest(project, "x") == before
+    assert digests.interface_digest(project, "x") == before
     (project / "src/ares_msgs/msg/B.msg").write_text("float64 y\n")
-    changed = workspace.interface_digest(project, "x")
+    changed = digests.interface_digest(project, "x")
     assert changed != before
     (project / "src/ares_msgs/msg/B.msg").write_text("float64 z\n")
-    assert workspace.interface_digest(project, "x") != changed
+    assert digests.interface_digest(project, "x") != changed
 
 
 def test_messages_that_ros_lacks_are_built(project, tmp_path):
     package = project / "tools/interfaces/tf2_msgs"
     package.mkdir(parents=True)
-    before = workspace.interface_digest(project, "x")
+    before = digests.interface_digest(project, "x")
     (package / "package.xml").write_text("<package/>")
     (package / "CMakeLists.txt").write_text("project(tf2_msgs)")
-    assert workspace.interface_digest(project, "x") != before
-    here = workspace.Workspace(project, "3.11")
+    assert digests.interface_digest(project, "x") != before
+    here = layout.Workspace(project, "3.11")
     installed = project / "install/share/tf2_msgs"
     ros = tmp_path / "ros/share/tf2_msgs"
     # what this workspace has built itself is none of ROS 2
     environ = {"AMENT_PREFIX_PATH": f"{project / 'install'}:{tmp_path / 'ros'}"}
     installed.mkdir(parents=True)
     (installed / "package.xml").write_text("<package/>")
-    assert workspace.missing_interfaces(here, environ) == [package]
+    assert building.missing_interfaces(here, environ) == [package]
     ros.mkdir(parents=True)
     (ros / "package.xml").write_text("<package/>")
-    assert workspace.missing_interfaces(here, environ) == []
+    assert building.missing_interfaces(here, environ) == []
 
 
 def test_packages_are_reinstalled_for_their_layout_only(project):
-    before = workspace.package_digest(project)
+    before = digests.package_digest(project)
     (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
     (project / "src/ares_two/launch/a.launch.py").write_text("# live through its link\n")
-    assert workspace.package_digest(project) == before
+    assert digests.package_digest(project) == before
     (project / "src/ares_two/launch/b.launch.py").write_text("")
-    added = workspace.package_digest(project)
+    added = digests.package_digest(project)
     assert added != before
     (project / "src/ares_one/setup.py").write_text("setup(name='ares_one')\n")
-    assert workspace.package_digest(project) != added
+    assert digests.package_digest(project) != added
 
 
 @pytest.mark.parametrize(
@@ -144,10 +147,10 @@ def test_packages_are_reinstalled_for_their_layout_only(project):
     ],
 )
 def test_kernels_are_compiled_anew_for_what_they_are_made_from(project, changed, counts):
-    before = workspace.kernel_digest(project)
+    before = digests.kernel_digest(project)
     with (project / "src" / changed).open("a") as stream:
         stream.write("\n# changed\n")
-    assert (workspace.kernel_digest(project) != before) == counts
+    assert (digests.kernel_digest(project) != before) == counts
 
 
 def test_kernels_of_this_project_are_all_seen():
@@ -157,12 +160,12 @@ def test_kernels_of_this_project_are_all_seen():
         if "\n@kernel" in path.read_text(encoding="utf-8")
     ]
     assert kernels
-    digest = workspace.kernel_digest(ROOT)
-    assert workspace.Workspace(ROOT, "3.11").kernels.name == digest
+    digest = digests.kernel_digest(ROOT)
+    assert layout.Workspace(ROOT, "3.11").kernels.name == digest
 
 
 def test_the_environment_is_its_own_fixed_point(project):
-    prepared = workspace.Workspace(project, "3.12")
+    prepared = layout.Workspace(project, "3.12")
     once = prepared.environment({"PATH": "/bin", "HOME": "/h"})
     assert prepared.environment(once) == once
     assert once["HOME"] == "/h"
@@ -174,13 +177,13 @@ def test_the_environment_is_its_own_fixed_point(project):
 
 def test_the_user_decides_over_the_defaults(project):
     mine = {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", "NUMBA_CACHE_DIR": "/cache"}
-    result = workspace.Workspace(project, "3.12").environment(mine)
+    result = layout.Workspace(project, "3.12").environment(mine)
     assert result["RMW_IMPLEMENTATION"] == "rmw_cyclonedds_cpp"
     assert result["NUMBA_CACHE_DIR"] == "/cache"
 
 
 def test_kernels_of_an_older_state_are_not_used(project):
-    prepared = workspace.Workspace(project, "3.12")
+    prepared = layout.Workspace(project, "3.12")
     before = prepared.environment({})
     (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
     assert prepared.environment(before)["NUMBA_CACHE_DIR"] != before["NUMBA_CACHE_DIR"]
@@ -194,7 +197,7 @@ def test_an_unused_ros_leaves_no_trace(project):
         "PATH": f"{humble}/bin:/usr/bin",
         "PYTHONPATH": f"{humble}/lib/python3.10/site-packages:/mine",
     }
-    result = workspace.Workspace(project, "3.12").environment(sourced)
+    result = layout.Workspace(project, "3.12").environment(sourced)
     assert not [name for name, value in result.items() if humble in value]
     assert "ROS_DISTRO" not in result
     assert result["PYTHONPATH"].endswith(":/mine")
@@ -203,9 +206,9 @@ def test_an_unused_ros_leaves_no_trace(project):
 
 def test_another_clone_leaves_no_trace(project, tmp_path):
     (tmp_path / "b").mkdir()
-    other = workspace.Workspace(tmp_path / "b", "3.12").environment({"PATH": "/bin"})
-    alone = workspace.Workspace(project, "3.12").environment({"PATH": "/bin"})
-    assert workspace.Workspace(project, "3.12").environment(other) == alone
+    other = layout.Workspace(tmp_path / "b", "3.12").environment({"PATH": "/bin"})
+    alone = layout.Workspace(project, "3.12").environment({"PATH": "/bin"})
+    assert layout.Workspace(project, "3.12").environment(other) == alone
 
 
 @pytest.fixture
@@ -223,15 +226,15 @@ def jazzy(tmp_path):
 
 
 def test_a_sourced_jazzy_is_found(project, jazzy):
-    assert workspace.sourced_ros(project, jazzy) == jazzy["AMENT_PREFIX_PATH"]
-    assert workspace.sourced_ros(project, jazzy | {"ROS_DISTRO": "humble"}) == ""
-    assert workspace.sourced_ros(project, {"PATH": "/bin"}) == ""
+    assert paths.sourced_ros(project, jazzy) == jazzy["AMENT_PREFIX_PATH"]
+    assert paths.sourced_ros(project, jazzy | {"ROS_DISTRO": "humble"}) == ""
+    assert paths.sourced_ros(project, {"PATH": "/bin"}) == ""
 
 
 def test_a_workspace_on_a_sourced_jazzy_runs_in_a_plain_shell(project, jazzy):
-    paths = workspace.ros_paths(jazzy)
+    added = paths.ros_paths(jazzy)
     prefix = jazzy["AMENT_PREFIX_PATH"]
-    prepared = workspace.Workspace(project, "3.12", prefix, prefix, paths)
+    prepared = layout.Workspace(project, "3.12", prefix, prefix, added)
     plain = prepared.environment({"PATH": "/bin"})
     assert prefix in plain["AMENT_PREFIX_PATH"].split(":")
     assert f"{prefix}/lib/python3.12/site-packages" in plain["PYTHONPATH"].split(":")
@@ -246,55 +249,55 @@ def stamped(project, **changes):
     if not python.exists():
         python.symlink_to(sys.executable)
     stamp = {"python": "3.11", "ros": "", "sourced": ""} | changes
-    made_from = workspace.environment_digest(project, stamp["python"], stamp["ros"])
-    workspace.write_stamp(workspace.venv_stamp(project), {"digest": made_from} | stamp)
+    made_from = digests.environment_digest(project, stamp["python"], stamp["ros"])
+    stamps.write_stamp(stamps.venv_stamp(project), {"digest": made_from} | stamp)
 
 
 def test_a_complete_environment_is_accepted(project):
-    assert workspace.prepared_environment(project, {}) is None
+    assert stamps.prepared_environment(project, {}) is None
     stamped(project)
-    found = workspace.prepared_environment(project, {})
-    assert found == workspace.Workspace(project, "3.11")
+    found = stamps.prepared_environment(project, {})
+    assert found == layout.Workspace(project, "3.11")
 
 
 def test_an_environment_is_made_anew_when_it_does_not_fit(project, jazzy):
     stamped(project)
-    assert workspace.prepared_environment(project, jazzy) is None
-    assert workspace.prepared_environment(project, {}) is not None
+    assert stamps.prepared_environment(project, jazzy) is None
+    assert stamps.prepared_environment(project, {}) is not None
     (project / "requirements/locked/fly.txt").write_text("numpy==2.5.0\n")
-    assert workspace.prepared_environment(project, {}) is None
+    assert stamps.prepared_environment(project, {}) is None
     stamped(project)
-    assert workspace.prepared_environment(project, {}) is not None
-    workspace.venv_stamp(project).write_text('{"digest": "cut of')
-    assert workspace.prepared_environment(project, {}) is None
+    assert stamps.prepared_environment(project, {}) is not None
+    stamps.venv_stamp(project).write_text('{"digest": "cut of')
+    assert stamps.prepared_environment(project, {}) is None
     stamped(project)
     (project / ".venv/bin/python").unlink()
-    assert workspace.prepared_environment(project, {}) is None
+    assert stamps.prepared_environment(project, {}) is None
 
 
 def test_a_jazzy_without_a_python_for_it_is_asked_once(project, jazzy):
     stamped(project, sourced=jazzy["AMENT_PREFIX_PATH"])
-    assert workspace.prepared_environment(project, jazzy) is not None
+    assert stamps.prepared_environment(project, jazzy) is not None
 
 
 def test_a_removed_jazzy_is_noticed(project, jazzy):
     prefix = jazzy["AMENT_PREFIX_PATH"]
     stamped(project, ros=prefix, sourced=prefix)
-    assert workspace.prepared_environment(project, {}) is not None
+    assert stamps.prepared_environment(project, {}) is not None
     shutil.rmtree(prefix)
-    assert workspace.prepared_environment(project, {}) is None
+    assert stamps.prepared_environment(project, {}) is None
 
 
 def test_a_build_counts_only_with_its_stamp(project):
-    prepared = workspace.Workspace(project, "3.11")
+    prepared = layout.Workspace(project, "3.11")
     (project / "build").mkdir()
     (project / "install").mkdir()
     (project / "install/setup.sh").touch()
-    assert not workspace.is_built(prepared)
-    workspace.write_stamp(workspace.build_stamp(project), workspace.build_digests(prepared))
-    assert workspace.is_built(prepared)
+    assert not stamps.is_built(prepared)
+    stamps.write_stamp(stamps.build_stamp(project), stamps.build_digests(prepared))
+    assert stamps.is_built(prepared)
     (project / "src/ares_msgs/msg/A.msg").write_text("float32 x\n")
-    assert not workspace.is_built(prepared)
+    assert not stamps.is_built(prepared)
 
 
 def program(folder: Path, name: str, text: str = "") -> Path:
@@ -307,41 +310,41 @@ def program(folder: Path, name: str, text: str = "") -> Path:
 
 def test_a_missing_compiler_is_one_line(tmp_path):
     environ = {"PATH": str(tmp_path)}
-    with pytest.raises(workspace.WorkspaceError, match=r"no C compiler .* install"):
-        workspace.check_prerequisites(environ)
+    with pytest.raises(running.WorkspaceError, match=r"no C compiler .* install"):
+        installing.check_prerequisites(environ)
     program(tmp_path, "gcc")
-    with pytest.raises(workspace.WorkspaceError, match=r"no C\+\+ compiler .* install"):
-        workspace.check_prerequisites(environ)
+    with pytest.raises(running.WorkspaceError, match=r"no C\+\+ compiler .* install"):
+        installing.check_prerequisites(environ)
     program(tmp_path, "g++")
     if Path(sysconfig.get_path("include"), "Python.h").exists():
-        workspace.check_prerequisites(environ)
+        installing.check_prerequisites(environ)
 
 
 def test_a_compiler_may_be_named(tmp_path):
     compiler = program(tmp_path / "elsewhere", "mycc")
     environ = {"PATH": str(tmp_path), "CC": f"{shlex.quote(str(compiler))} -m64"}
-    assert workspace.find_compiler("CC", ("cc",), environ) == str(compiler)
-    assert workspace.find_compiler("CC", ("cc",), environ | {"CC": "nothing"}) is None
+    assert installing.find_compiler("CC", ("cc",), environ) == str(compiler)
+    assert installing.find_compiler("CC", ("cc",), environ | {"CC": "nothing"}) is None
 
 
 def test_missing_parts_of_python_are_one_line(tmp_path, monkeypatch):
     program(tmp_path, "cc")
     program(tmp_path, "c++")
     environ = {"PATH": str(tmp_path)}
-    monkeypatch.setattr(workspace.importlib.util, "find_spec", {}.get)
-    with pytest.raises(workspace.WorkspaceError, match="virtual environments: install"):
-        workspace.check_prerequisites(environ)
-    monkeypatch.setattr(workspace.sysconfig, "get_path", lambda _: str(tmp_path))
-    with pytest.raises(workspace.WorkspaceError, match="header files: install"):
-        workspace.check_prerequisites(environ)
+    monkeypatch.setattr(installing.importlib.util, "find_spec", {}.get)
+    with pytest.raises(running.WorkspaceError, match="virtual environments: install"):
+        installing.check_prerequisites(environ)
+    monkeypatch.setattr(installing.sysconfig, "get_path", lambda _: str(tmp_path))
+    with pytest.raises(running.WorkspaceError, match="header files: install"):
+        installing.check_prerequisites(environ)
 
 
 def test_a_browser_that_is_there_is_enough(project, tmp_path, capsys):
-    assert workspace.find_browser({"PATH": str(tmp_path)}) is None
+    assert browser.find_browser({"PATH": str(tmp_path)}) is None
     chromium = program(tmp_path / "bin", "chromium")
     environ = {"PATH": str(tmp_path / "bin")}
-    assert workspace.find_browser(environ) == str(chromium)
-    workspace.install_browser(workspace.Workspace(project, "3.11"), environ)
+    assert browser.find_browser(environ) == str(chromium)
+    browser.install_browser(layout.Workspace(project, "3.11"), environ)
     assert capsys.readouterr().err == ""
 
 
@@ -349,8 +352,8 @@ def test_a_missing_browser_is_installed(project, tmp_path, capsys, monkeypatch):
     (project / "requirements/apt.list").write_text("# why\nchromium\n")
     bin_folder = tmp_path / "bin"
     program(bin_folder, "apt-get", f'echo "$@" >> {tmp_path}/asked')
-    monkeypatch.setattr(workspace.os, "geteuid", lambda: 0)
-    workspace.install_browser(workspace.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
+    monkeypatch.setattr(browser.os, "geteuid", lambda: 0)
+    browser.install_browser(layout.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
     asked = (tmp_path / "asked").read_text().splitlines()
     assert asked == ["update", "install -y --no-install-recommends chromium"]
     assert "installing a browser" in capsys.readouterr().err
@@ -364,26 +367,26 @@ def test_a_browser_that_cannot_be_installed_is_one_line(
     bin_folder = tmp_path / "bin"
     program(bin_folder, "apt-get", "echo 'E: Unable to locate package chromium'; exit 100")
     program(bin_folder, "sudo", f"touch {tmp_path}/used")
-    monkeypatch.setattr(workspace.os, "geteuid", lambda: 0 if may else 1000)
-    workspace.install_browser(workspace.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
+    monkeypatch.setattr(browser.os, "geteuid", lambda: 0 if may else 1000)
+    browser.install_browser(layout.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
     last = capsys.readouterr().err.splitlines()[-1]
-    assert last.endswith(workspace.NO_BROWSER)
+    assert last.endswith(browser.NO_BROWSER)
     assert ("Unable to locate package" in last) == may
     assert not (tmp_path / "used").exists()
 
 
 def test_what_a_verb_needs_is_added_once(project):
-    prepared = workspace.Workspace(project, "3.11")
+    prepared = layout.Workspace(project, "3.11")
     (project / ".venv").mkdir()
     both = ("pages.txt", "dev.txt")
-    assert workspace.missing_additions(prepared, ()) == []
-    assert workspace.missing_additions(prepared, both) == list(both)
+    assert stamps.missing_additions(prepared, ()) == []
+    assert stamps.missing_additions(prepared, both) == list(both)
     for name in both:
-        stamp = workspace.addition_digest(prepared, name)
-        workspace.write_stamp(workspace.addition_stamp(project, name), stamp)
-    assert workspace.missing_additions(prepared, both) == []
+        stamp = stamps.addition_digest(prepared, name)
+        stamps.write_stamp(stamps.addition_stamp(project, name), stamp)
+    assert stamps.missing_additions(prepared, both) == []
     (project / "requirements/locked/dev.txt").write_text("pytest==9.2.1\n")
-    assert workspace.missing_additions(prepared, both) == ["dev.txt"]
+    assert stamps.missing_additions(prepared, both) == ["dev.txt"]
 
 
 @pytest.mark.parametrize(
@@ -405,7 +408,7 @@ def test_what_a_verb_needs_is_added_once(project):
     ],
 )
 def test_a_flight_compiles_its_own_law(arguments, kernels):
-    assert workspace.kernels_for(arguments) == kernels
+    assert needs.kernels_for(arguments) == kernels
 
 
 @pytest.mark.parametrize(
@@ -437,27 +440,25 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
     ],
 )
 def test_a_plain_flight_installs_nothing_that_it_does_not_need(arguments, additions):
-    assert workspace.additions_for(arguments) == additions
+    assert needs.additions_for(arguments) == additions
 
 
 def test_kernels_that_are_there_are_not_compiled_again(project):
     warm_up = project / "src/ares_studies/ares_studies/warm_up.py"
     warm_up.parent.mkdir(parents=True)
     warm_up.touch()
-    prepared = workspace.Workspace(project, "3.11")
+    prepared = layout.Workspace(project, "3.11")
     prepared.kernels.mkdir(parents=True)
 
     def wanting():
         return [
-            what
-            for what in ("", "peg", "igm", "all")
-            if workspace.kernels_wanting(prepared, {}, what)
+            what for what in ("", "peg", "igm", "all") if stamps.kernels_wanting(prepared, {}, what)
         ]
 
     assert wanting() == ["peg", "igm", "all"]
-    workspace.kernel_stamp(prepared.kernels, "peg").touch()
+    stamps.kernel_stamp(prepared.kernels, "peg").touch()
     assert wanting() == ["igm", "all"]
-    workspace.kernel_stamp(prepared.kernels, "all").touch()
+    stamps.kernel_stamp(prepared.kernels, "all").touch()
     assert wanting() == []
 
 
@@ -467,17 +468,17 @@ def test_uv_is_told_of_the_index_of_pip(project):
         "python",
         "echo \"global.extra-index-url='x'\nglobal.index-url='https://mine/simple'\"",
     )
-    prepared = workspace.Workspace(project, "3.11")
+    prepared = layout.Workspace(project, "3.11")
     assert prepared.interpreter == python
     told = {"UV_DEFAULT_INDEX": "https://mine/simple"}
-    assert workspace.index_of_pip(prepared, {}) == told
+    assert installing.index_of_pip(prepared, {}) == told
     named = {"PIP_INDEX_URL": "https://other/simple"}
-    assert workspace.index_of_pip(prepared, named) == {"UV_DEFAULT_INDEX": named["PIP_INDEX_URL"]}
-    assert workspace.index_of_pip(prepared, {"UV_DEFAULT_INDEX": "x"}) == {}
+    assert installing.index_of_pip(prepared, named) == {"UV_DEFAULT_INDEX": named["PIP_INDEX_URL"]}
+    assert installing.index_of_pip(prepared, {"UV_DEFAULT_INDEX": "x"}) == {}
 
 
 def test_the_browser_is_named_for_apt():
-    assert workspace.debian_packages(ROOT) == ["chromium"]
+    assert browser.debian_packages(ROOT) == ["chromium"]
 
 
 UNSATISFIED = "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6"
@@ -501,30 +502,27 @@ UNSATISFIED = "ERROR: Could not find a version that satisfies the requirement nu
     ],
 )
 def test_the_cause_of_a_failure_is_named(output, cause):
-    assert workspace.cause_of_failure(output).startswith(cause)
+    assert running.cause_of_failure(output).startswith(cause)
 
 
 def test_a_failed_step_names_cause_and_log(project):
-    prepared = workspace.Workspace(project, "3.11")
+    prepared = layout.Workspace(project, "3.11")
     command = [sys.executable, "-c", "print('error: no luck'); raise SystemExit(3)"]
     with (
-        workspace.preparation_lock(project) as lock,
-        pytest.raises(workspace.WorkspaceError, match=r"the step failed: error: no luck \(log: "),
+        running.preparation_lock(project) as lock,
+        pytest.raises(running.WorkspaceError, match=r"the step failed: error: no luck \(log: "),
     ):
-        workspace.run_logged(command, prepared, dict(os.environ), lock, "the step")
+        running.run_logged(command, prepared, dict(os.environ), lock, "the step")
     assert "no luck" in prepared.log.read_text()
 
 
 def test_a_second_call_waits_for_the_first(project):
-    script = ROOT / "tools" / "workspace.py"
     code = (
-        "import importlib.util, pathlib, sys\n"
-        f"spec = importlib.util.spec_from_file_location('w', {str(script)!r})\n"
-        "w = importlib.util.module_from_spec(spec); sys.modules['w'] = w\n"
-        "spec.loader.exec_module(w)\n"
-        f"with w.preparation_lock(pathlib.Path({str(project)!r})):\n    print('mine')\n"
+        f"import pathlib, sys; sys.path.insert(0, {str(ROOT / 'tools')!r})\n"
+        "from preparation.running import preparation_lock\n"
+        f"with preparation_lock(pathlib.Path({str(project)!r})):\n    print('mine')\n"
     )
-    with workspace.preparation_lock(project):
+    with running.preparation_lock(project):
         second = subprocess.Popen(
             [sys.executable, "-c", code],
             stdout=subprocess.PIPE,
@@ -539,12 +537,12 @@ def test_a_second_call_waits_for_the_first(project):
 
 
 def test_a_call_that_waits_knows_how_long(project):
-    with workspace.preparation_lock(project) as lock:
-        assert workspace.time_left(lock) == 1.0
-        workspace.announce(lock, {"packages": 40.0, "kernels": 60.0})
-        assert 1.0 <= workspace.time_left(lock) <= 101.0
-        workspace.announce(lock, {"kernels": 0.0})
-        assert workspace.time_left(lock) == 1.0
+    with running.preparation_lock(project) as lock:
+        assert running.time_left(lock) == 1.0
+        running.announce(lock, {"packages": 40.0, "kernels": 60.0})
+        assert 1.0 <= running.time_left(lock) <= 101.0
+        running.announce(lock, {"kernels": 0.0})
+        assert running.time_left(lock) == 1.0
 
 
 def test_what_other_verbs_need_is_offered_once_in_one_line(project, capsys, monkeypatch):
@@ -555,21 +553,21 @@ def test_what_other_verbs_need_is_offered_once_in_one_line(project, capsys, monk
             return {"kernels": 30.0}
         return {"further packages": 20.0, "kernels": 75.0} if kernels == "all" or also else {}
 
-    prepared = workspace.Workspace(project, "3.11")
-    monkeypatch.setattr(workspace, "prepared_environment", lambda *_: prepared)
-    monkeypatch.setattr(workspace, "steps_to_do", due)
-    monkeypatch.setattr(workspace, "make", lambda *_: made.append(1) or prepared)
-    assert workspace.prepare(project, {}, "peg") is prepared
+    prepared = layout.Workspace(project, "3.11")
+    monkeypatch.setattr(steps, "prepared_environment", lambda *_: prepared)
+    monkeypatch.setattr(steps, "steps_to_do", due)
+    monkeypatch.setattr(steps, "make", lambda *_: made.append(1) or prepared)
+    assert steps.prepare(project, {}, "peg") is prepared
     said = capsys.readouterr().err
     assert said.endswith("all of it now, about 95 s: ./ares prepare\n")
     assert said.count("\n") == 1
     # nothing had to be made: nothing is said
-    assert workspace.prepare(project, {}, "peg") is prepared
+    assert steps.prepare(project, {}, "peg") is prepared
     assert capsys.readouterr().err == ""
 
 
 def test_a_child_that_outlives_its_parent_keeps_the_lock(project):
-    with workspace.preparation_lock(project) as lock:
+    with running.preparation_lock(project) as lock:
         child = subprocess.Popen(["cat"], stdin=subprocess.PIPE, pass_fds=(lock,))
     try:
         descriptor = os.open(project / "build/.lock", os.O_RDWR)
@@ -588,9 +586,9 @@ def test_cmake_paths_are_moved_to_this_machine(tmp_path):
     target.write_text(
         f'INCLUDE "{old}/include/python3.12;{old}/lib/python3.12/site-packages/numpy/_core/include"'
     )
-    assert workspace.relocate_cmake(tmp_path / "share", "/inc", "/site") == 1
+    assert installing.relocate_cmake(tmp_path / "share", "/inc", "/site") == 1
     assert target.read_text() == 'INCLUDE "/inc;/site/numpy/_core/include"'
-    assert workspace.relocate_cmake(tmp_path / "share", "/inc", "/site") == 0
+    assert installing.relocate_cmake(tmp_path / "share", "/inc", "/site") == 0
 
 
 def test_node_executables_start_from_a_path_with_blanks(tmp_path):
@@ -601,7 +599,7 @@ def test_node_executables_start_from_a_path_with_blanks(tmp_path):
     script.parent.mkdir(parents=True)
     script.write_text(f'#!"{interpreter}"\nimport sys\nprint(sys.argv[1:])\n')
     script.chmod(0o755)
-    workspace.repair_scripts(tmp_path / "install", interpreter)
+    building.repair_scripts(tmp_path / "install", interpreter)
     answer = subprocess.run([script, "x y"], capture_output=True, text=True, check=True)
     assert answer.stdout == "['x y']\n"
 
@@ -662,8 +660,8 @@ def test_a_fresh_clone_has_a_version(fresh_clone):
 
 
 VERBS_OF_THE_COMMAND = [
-    *((verb,) for verb in workspace.usage.read_usage()["commands"]),
-    *(("bag", verb) for verb in workspace.usage.read_usage()["commands"]["bag"]["commands"]),
+    *((verb,) for verb in read_usage()["commands"]),
+    *(("bag", verb) for verb in read_usage()["commands"]["bag"]["commands"]),
     ("missions", "new"),
     ("dispersions", "schema"),
 ]
@@ -792,7 +790,7 @@ def test_a_bar_is_drawn_on_a_terminal_alone(capsys):
 
 def test_lines_do_not_run_into_the_bar():
     program = (
-        "import sys, time; sys.path.insert(0, sys.argv[1]); import progress as p;"
+        "import sys, time; sys.path.insert(0, sys.argv[1]); from preparation import progress as p;"
         "steps = p.Steps({'first': 10.0});\n"
         "with p.BAR.over(steps), steps.step('first'):\n"
         "    time.sleep(2.5 * p.PERIOD); p.say('a line'); time.sleep(2.5 * p.PERIOD)\n"

@@ -8,9 +8,10 @@ import shutil
 import sys
 from pathlib import Path
 
-from site_pages import ROOT, SiteError, pages, version
 from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
+
+from site_pages import ROOT, SiteError, pages, version
 
 SETTINGS = {
     "project": "Ares",

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Print lines on standard error while the workspace is prepared, with a bar below on a terminal.
-
-Standard library only: nothing else is installed by then.
-"""
+"""Print lines on standard error while the workspace is prepared, with a bar below on a terminal."""
 
 import contextlib
 import math
