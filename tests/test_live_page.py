@@ -404,8 +404,10 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
     words = ("replay", str(REFERENCE), "--live", "--pace", "5")
     with started(ros_environment, *words) as replay:
         page = opened(replay.url)
-        wait_for_state(page, "Live")
+        wait_for_state(page, "Playing")
         assert "Ares V" in page.locator("h1").inner_text()
+        assert page.locator("#kind").inner_text() == "Replay"
+        assert page.title().endswith(": replay")
         page.locator(".play").click()
         wait_for_state(page, "Paused")
         page.wait_for_timeout(300)

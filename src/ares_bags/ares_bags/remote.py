@@ -62,7 +62,8 @@ def remote(
         say()
 
     def say() -> None:
-        out.publish(pace_message(node, flight_id, playback.rate, playback.paused))
+        rate, paused = playback.rate, playback.paused
+        out.publish(pace_message(node, flight_id, rate, paused, replayed=True))
 
     def tell(facts: Mapping[str, object]) -> None:
         deadline = time.monotonic() + TELL_TIMEOUT

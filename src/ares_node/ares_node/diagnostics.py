@@ -27,6 +27,8 @@ LOWEST_COAST_M = "lowest_coast_m"
 PACE = "pace"
 PAUSED = "paused"
 NODE = "node"
+#: Fact of a replay: true.
+REPLAYED = "replayed"
 #: Fact of the live page: number of browsers in which it is open.
 PAGES = "pages"
 #: Facts of the judge for the live page: the verdict, whether it is good, the shortcomings, one per
@@ -160,7 +162,9 @@ def number_of(said: Mapping[str, str], key: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def pace_message(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:
+def pace_message(
+    node: Node, flight_id: int, pace: float, paused: bool, replayed: bool = False
+) -> DiagnosticStatus:
     """Build the message on a flight's pace for the topic TIMING.
 
     Args:
@@ -168,9 +172,11 @@ def pace_message(node: Node, flight_id: int, pace: float, paused: bool) -> Diagn
         flight_id: the flight.
         pace: real-time factor; 0: as fast as possible.
         paused: the flight pauses.
+        replayed: it is a recorded one, published again.
     """
     name = node.get_fully_qualified_name()
-    return timing(node, flight_id, {PACE: pace, PAUSED: paused, NODE: name})
+    also = {REPLAYED: True} if replayed else {}
+    return timing(node, flight_id, {PACE: pace, PAUSED: paused, NODE: name, **also})
 
 
 def timing(node: Node, flight_id: int, values: Mapping[str, object]) -> DiagnosticStatus:

@@ -114,9 +114,10 @@ function complaint({ time_s, count, level, node, text }) {
 }
 
 function showAbout() {
-  const { title, flight, law, note, controls, pace, paused, phases, land } = live.about;
+  const { title, flight, law, note, controls, pace, paused, replayed, phases, land } = live.about;
   byId("title").textContent = flight ? title : "Waiting for a flight";
-  document.title = flight ? `${title}: live` : "Live flight";
+  document.title = flight ? `${title}: ${replayed ? "replay" : "live"}` : "Live flight";
+  byId("kind").textContent = replayed ? "Replay" : "Live flight";
   byId("who").textContent = flight ? `, ${flight}${law ? `, guidance ${law}` : ""}` : "";
   byId("note").textContent = note;
   byId("note").hidden = !note;
@@ -173,7 +174,7 @@ function standing() {
   if (age === null || !about || !about.flight) return ["Waiting for the flight", "waiting"];
   if (about.paused) return ["Paused", "held"];
   if (age + silent > STALE) return [`No data for ${(age + silent).toFixed(0)} s`, "bad"];
-  return ["Live", ""];
+  return [about.replayed ? "Playing" : "Live", ""];
 }
 
 function showState() {

@@ -32,6 +32,7 @@ from ares_node.diagnostics import (
     PACE,
     PAGES,
     PAUSED,
+    REPLAYED,
     SHORTCOMINGS,
     VERDICT,
     Timing,
@@ -267,7 +268,12 @@ class LiveNode(FlightNode):
         said = {item.key: item.value for item in status.values}
         pace = number_of(said, PACE)
         if pace is not None:
-            self._story.update(pace=pace, paused=said.get(PAUSED) == str(True))
+            true = str(True)
+            self._story.update(
+                pace=pace,
+                paused=said.get(PAUSED) == true,
+                replayed=said.get(REPLAYED) == true,
+            )
             self._control(said.get(NODE, ""))
         if VERDICT in said:
             self._story.update(

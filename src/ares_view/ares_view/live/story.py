@@ -146,6 +146,7 @@ class Story:
             "heating_limit_w_m2": min(filter(None, limits), default=None) if mission else None,
             "pace": None,
             "paused": False,
+            "replayed": False,
             "rate": None,
             "end": "",
             "verdict": "",
@@ -199,7 +200,7 @@ class Story:
         """Update facts about the flight.
 
         Args:
-            words: `law`, `pace`, `paused`, `rate`; at its end `verdict`, `good`,
+            words: `law`, `pace`, `paused`, `replayed`, `rate`; at its end `verdict`, `good`,
                 `shortcomings`, `exit_status`; `report`, the command for its report, or
                 `no_report`, the reason why there is none.
         """
