@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import psutil
 import pytest
@@ -41,6 +42,9 @@ PROGRAMS = {
 }
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0
+SLOW = {"pace": "8"}
+#: Of a flight that does not come to its end: on a busy machine it is heard of late.
+SLOWEST = {"pace": "2"}
 
 
 @dataclass
@@ -49,11 +53,21 @@ class Flight:
 
     process: psutil.Popen
     graph: object
+    output: Path
+
+    def until(self, condition):
+        # one that has ended has an output that says why
+        ended = self.process.poll
+        self.graph.spin(lambda: condition() or ended() is not None, PATIENCE)
 
     def in_the_air(self):
-        # one that has ended has an output that says why
-        states, ended = self.graph.states, self.process.poll
-        self.graph.spin(lambda: len(states) > 5 or ended() is not None, PATIENCE)
+        self.until(lambda: len(self.graph.states) > 5)
+
+    def until_event(self, kind):
+        self.until(lambda: kind in [event.type for event in self.graph.events])
+
+    def until_said(self, text):
+        self.until(lambda: text in self.output.read_text())
 
     def node(self, name):
         for child in self.process.children(recursive=True):
@@ -66,6 +80,18 @@ class Flight:
         self.in_the_air()
         self.node(name).kill()
 
+    def kill_and_hurry(self, name, text):
+        """Kill a node; when a text is said, fly the rest as fast as may be."""
+        self.kill(name)
+        self.until_said(text)
+        self.hurry()
+
+    def kill_guidance_for_good(self):
+        self.kill("guidance")
+        self.until_event(FlightEvent.GUIDANCE_LOST)
+        self.until_said("not restarted")
+        self.hurry()
+
     def kill_and_wait_for_its_successor(self):
         """Kill guidance and wait for its successor, the vehicle paused meanwhile."""
         members = self.graph.members
@@ -77,15 +103,20 @@ class Flight:
         self.graph.spin(guides, PATIENCE)
         first = guides()
         self.kill("guidance")
-        self.set_paused(True)
+        self.tell_vehicle("paused", True)
         self.graph.spin(lambda: guides() - first, PATIENCE)
-        self.set_paused(False)
+        self.tell_vehicle("paused", False)
+        self.until_event(FlightEvent.GUIDANCE_BACK)
+        self.hurry()
 
-    def set_paused(self, paused):
+    def hurry(self):
+        self.tell_vehicle("pace", 0.0)
+
+    def tell_vehicle(self, key, value):
         name = "/ares/vehicle_sim/set_parameters"
         client = self.graph.observer.create_client(SetParameters, name)
         self.graph.spin(client.service_is_ready, PATIENCE)
-        parameter = Parameter("paused", value=paused).to_parameter_msg()
+        parameter = Parameter(key, value=value).to_parameter_msg()
         answer = client.call_async(SetParameters.Request(parameters=[parameter]))
         self.graph.spin(answer.done, PATIENCE)
         assert answer.result().results[0].successful
@@ -94,9 +125,10 @@ class Flight:
         self.in_the_air()
         node = self.node(name)
         node.suspend()
-        lost = FlightEvent.GUIDANCE_LOST
-        self.graph.spin(lambda: lost in [event.type for event in self.graph.events], PATIENCE)
+        self.until_event(FlightEvent.GUIDANCE_LOST)
         node.resume()
+        self.until_event(FlightEvent.GUIDANCE_BACK)
+        self.hurry()
 
     def kill_before_the_start(self, name):
         while self.node(name) is None:
@@ -114,9 +146,11 @@ class Flight:
         self.in_the_air()
         self.process.send_signal(number)
 
-    def join(self, kind):
+    def join(self, kind, report):
         self.in_the_air()
         self.graph.start(kind, mission=self.graph.mission)
+        self.graph.wait_for_report(report)
+        self.hurry()
 
 
 @dataclass(frozen=True)
@@ -148,6 +182,10 @@ def refused(says, *, alike=True, **options):
     return Cause(2, (says,), options, bag=False, alike=alike)
 
 
+def joined(says, kind, *, alike=False):
+    return Cause(0, (says,), SLOW, act=lambda flight: flight.join(kind, says), alike=alike)
+
+
 def two_burns(**changes):
     """Divide the short burn into two, with a free coast between."""
     mission = short_burn(**changes)
@@ -156,10 +194,6 @@ def two_burns(**changes):
     stage["arcs"] = [burn, {"coast_s": "free", "max_s": 600.0}, dict(burn)]
     return mission
 
-
-SLOW = {"pace": "8"}
-#: Of a flight that does not come to its end: on a busy machine it is heard of late.
-SLOWEST = {"pace": "2"}
 
 CAUSES = {
     "all is well": Cause(0, ("main-engine cut-off",)),
@@ -250,9 +284,15 @@ CAUSES = {
     ),
     "Ctrl-C": Cause(130, ("interrupted",), SLOWEST, act=lambda f: f.signal(signal.SIGINT)),
     "SIGTERM": Cause(130, (), SLOWEST, act=lambda f: f.signal(signal.SIGTERM)),
-    "a second guidance": Cause(0, ("a second guidance",), SLOW, act=lambda f: f.join(GuidanceNode)),
+    "a second guidance": Cause(
+        0, ("a second guidance",), SLOW, act=lambda f: f.join(GuidanceNode, "a second guidance")
+    ),
     "a second simulator": Cause(
-        0, ("another simulator",), SLOW, act=lambda f: f.join(VehicleSimNode), alike=True
+        0,
+        ("another simulator",),
+        SLOW,
+        act=lambda f: f.join(VehicleSimNode, "another simulator"),
+        alike=True,
     ),
     "guidance killed": Cause(
         1,
@@ -262,7 +302,7 @@ CAUSES = {
             "not restarted: 0 restarts were allowed",
         ),
         {**SLOW, "restarts": "0"},
-        act=lambda f: f.kill("guidance"),
+        act=lambda f: f.kill_guidance_for_good(),
         ways=PROCESSES,
     ),
     "guidance killed and restarted": Cause(
@@ -293,7 +333,7 @@ CAUSES = {
         1,
         ("recorder was killed by SIGKILL in flight: the bag is incomplete",),
         SLOW,
-        act=lambda f: f.kill("recorder"),
+        act=lambda f: f.kill_and_hurry("recorder", "recorder was killed"),
         ways=PROCESSES,
     ),
     "view killed": Cause(
@@ -303,7 +343,7 @@ CAUSES = {
             "main-engine cut-off",
         ),
         {**SLOW, "view": "true"},
-        act=lambda f: f.kill("view"),
+        act=lambda f: f.kill_and_hurry("view", "restarted (1 of 3)"),
         ways=PROCESSES,
     ),
     "simulator killed": Cause(
@@ -403,7 +443,7 @@ def run(command, act, graph, environment, folder):
         )
     try:
         if act is not None:
-            act(Flight(process, graph))
+            act(Flight(process, graph, folder / "output"))
         status = wait(process, graph)
     finally:
         for child in [process, *process.children(recursive=True)] if process.is_running() else ():
