@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures of the tests that cross packages."""
 
+import fcntl
 import os
 import shutil
 import socket
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -185,9 +187,9 @@ def _note(complaints: list[str], text: str) -> None:
         complaints.append(text)
 
 
-@pytest.fixture
-def open_file(browser):
-    """Open a page without network; afterwards assert that nothing went wrong."""
+@contextmanager
+def opening(browser):
+    """Yield a function that opens a page without network; then assert that nothing went wrong."""
     complaints = []
     contexts = []
 
@@ -217,61 +219,110 @@ def open_file(browser):
     assert not complaints
 
 
-# ---- pages, each made once
+@pytest.fixture
+def open_file(browser):
+    """Open a page that the test may change."""
+    with opening(browser) as opener:
+        yield opener
+
+
+@pytest.fixture(scope="module")
+def read_file(browser):
+    """Open a page once for all tests of a module that leave it as it is."""
+    with opening(browser) as opener:
+        yield cache(opener)
+
+
+# ---- pages, each made once for all workers
 
 
 @pytest.fixture(scope="session")
-def page_of_one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], None]], Path]:
+    """Return a function that fills a folder of a name, unless another worker has filled it."""
+    top = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        top = top.parent
+
+    def fill(name: str, make: Callable[[Path], None]) -> Path:
+        folder, done = top / f"shared-{name}", top / f"shared-{name}.done"
+        with (top / f"shared-{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                make(folder)
+                done.touch()
+        return folder
+
+    return fill
+
+
+@pytest.fixture(scope="session")
+def page_of_one(once) -> Path:
     """Run `ares report` on the reference flight."""
-    out = tmp_path_factory.mktemp("one") / "flight.html"
-    assert main(["report", str(REFERENCE), "--out", str(out)]) == 0
-    return out
+
+    def make(folder: Path) -> None:
+        assert main(["report", str(REFERENCE), "--out", str(folder / "flight.html")]) == 0
+
+    return once("one", make) / "flight.html"
 
 
 @pytest.fixture(scope="session")
-def dispersed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dispersed(once) -> Path:
     """Fly with navigation errors; return the bag."""
-    folder = tmp_path_factory.mktemp("flown")
-    bag, errors = folder / "dispersed", folder / "errors.yaml"
-    errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
-    words = ["fly", "--in-process", "--nav-period", "1", "--dispersions", str(errors)]
-    assert main([*words, "--seed", "3", "--bag", str(bag)]) in (0, 1)
-    return bag
+
+    def make(folder: Path) -> None:
+        errors = folder / "errors.yaml"
+        errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
+        words = ["fly", "--in-process", "--nav-period", "1", "--dispersions", str(errors)]
+        assert main([*words, "--seed", "3", "--bag", str(folder / "dispersed")]) in (0, 1)
+
+    return once("flown", make) / "dispersed"
 
 
 @pytest.fixture(scope="session")
-def page_of_two(tmp_path_factory: pytest.TempPathFactory, dispersed: Path) -> Path:
+def page_of_two(once, dispersed: Path) -> Path:
     """Run `ares report` on both flights."""
-    out = tmp_path_factory.mktemp("two") / "flights.html"
-    assert main(["report", str(REFERENCE), str(dispersed), "--out", str(out)]) == 0
-    return out
+
+    def make(folder: Path) -> None:
+        out = str(folder / "flights.html")
+        assert main(["report", str(REFERENCE), str(dispersed), "--out", out]) == 0
+
+    return once("two", make) / "flights.html"
 
 
 @pytest.fixture(scope="session")
-def page_of_many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page_of_many(once) -> Path:
     """Fly a campaign of 120 flights, some of which fail: the fairing stays on, or they run dry."""
-    folder = tmp_path_factory.mktemp("campaign")
-    dispersions = folder / "weak.yaml"
-    dispersions.write_text("thrust: 0.03\nlog_density: {mean: 0.0, sigma: 1.5}\n")
-    words = ("-n", "120", "--dispersions", str(dispersions), "--out", str(folder / "c"))
-    assert main(("montecarlo", "--json", *words)) == 0
-    return folder / "c" / "report.html"
+
+    def make(folder: Path) -> None:
+        dispersions = folder / "weak.yaml"
+        dispersions.write_text("thrust: 0.03\nlog_density: {mean: 0.0, sigma: 1.5}\n")
+        words = ("-n", "120", "--dispersions", str(dispersions), "--out", str(folder / "c"))
+        assert main(("montecarlo", "--json", *words)) == 0
+
+    return once("campaign", make) / "c" / "report.html"
 
 
 @pytest.fixture(scope="session")
-def page_of_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page_of_map(once) -> Path:
     """Make an abort map."""
-    page = tmp_path_factory.mktemp("aborts") / "map.html"
-    assert main(("aborts", "--mission", "ares_v", "--step-s", "40", "--out", str(page))) == 0
-    return page
+
+    def make(folder: Path) -> None:
+        words = ("--mission", "ares_v", "--step-s", "80", "--out", str(folder / "map.html"))
+        assert main(("aborts", *words)) == 0
+
+    return once("aborts", make) / "map.html"
 
 
 @pytest.fixture(scope="session")
-def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def reproduction(once) -> Path:
     """Run `ares reproduce`; return its folder."""
-    out = tmp_path_factory.mktemp("reproduction")
-    assert main(["reproduce", "--out", str(out)]) == 0
-    return out
+
+    def make(folder: Path) -> None:
+        assert main(["reproduce", "--out", str(folder)]) == 0
+
+    return once("reproduction", make)
 
 
 @pytest.fixture(scope="session")

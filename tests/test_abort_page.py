@@ -9,8 +9,8 @@ import pytest
 from ares_trials.testing.pages import PLACE
 
 
-def test_the_map_says_its_ends_in_words(open_file, page_of_map):
-    page = open_file(page_of_map, "wide", "light")
+def test_the_map_says_its_ends_in_words(read_file, page_of_map):
+    page = read_file(page_of_map, "wide", "light")
     strips = page.locator(".strip")
     told = strips.first.get_attribute("aria-label")
     assert told == "one engine lost, optimizer that knew: target 160 to 320 s"
@@ -23,8 +23,8 @@ def test_the_map_says_its_ends_in_words(open_file, page_of_map):
     ]
 
 
-def test_the_page_shows_where_it_falls(open_file, page_of_map):
-    page = open_file(page_of_map, "wide", "light")
+def test_the_page_shows_where_it_falls(read_file, page_of_map):
+    page = read_file(page_of_map, "wide", "light")
     part = page.locator("#falls")
     assert part.locator("h2").inner_text() == "Where it falls"
     assert "Outside all 8 areas of the mission fall" in part.inner_text()

@@ -23,7 +23,7 @@ CASES = {
     "coast of a day": ("stages.1.arcs.2.coast_s", 1e5, False),
     "coast of nine days": ("stages.1.arcs.2.coast_s", 8e5, False),
 }
-SOLVE = ("optimize", "--method", "indirect", "--time-limit", "3", "--json", "--mission")
+SOLVE = ("optimize", "--method", "indirect", "--time-limit", "1", "--json", "--mission")
 
 
 @pytest.mark.parametrize("case", CASES)

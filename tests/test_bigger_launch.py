@@ -73,6 +73,7 @@ def launch(ros2, ros_environment, tmp_path, free_port):
                 one.kill()
 
 
+@pytest.mark.long
 def test_two_flights_beside_other_nodes(graph, launch, ros_environment, tmp_path):
     process, output, children = launch
     displays = Displays(graph)

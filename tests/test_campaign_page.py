@@ -6,9 +6,9 @@ import json
 from ares_trials.testing.pages import PLACE
 
 
-def test_flights_that_failed_stand_apart(open_file, page_of_many):
+def test_flights_that_failed_stand_apart(read_file, page_of_many):
     assert page_of_many.stat().st_size < 4_000_000
-    page = open_file(page_of_many, "wide", "light")
+    page = read_file(page_of_many, "wide", "light")
     report = json.loads(page.locator("#report").text_content())
     roles = [flight["role"] for flight in report["globe"]["flights"]]
     assert roles[0] == "other"
@@ -64,6 +64,6 @@ def test_a_failure_that_is_pressed_has_its_command_copied(open_file, page_of_man
     assert page.evaluate("window.copiedText") == page.locator(".case code").first.inner_text()
 
 
-def test_perigee_and_apogee_have_a_figure(open_file, page_of_many):
-    page = open_file(page_of_many, "wide", "light")
+def test_perigee_and_apogee_have_a_figure(read_file, page_of_many):
+    page = read_file(page_of_many, "wide", "light")
     assert "Perigee and apogee" in page.locator(".item.figure h3").all_inner_texts()

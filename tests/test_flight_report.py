@@ -67,8 +67,8 @@ def refused(capfd, *words):
 
 
 @pytest.mark.parametrize(("which", "count"), [("page_of_one", 21), ("page_of_two", 23)])
-def test_every_figure_has_all_its_lines(open_file, request, which, count):
-    figures = open_file(request.getfixturevalue(which), "wide", "light").evaluate(FIGURES)
+def test_every_figure_has_all_its_lines(read_file, request, which, count):
+    figures = read_file(request.getfixturevalue(which), "wide", "light").evaluate(FIGURES)
     assert len(figures) == count
     for figure in figures:
         assert figure["traces"] == len(figure["data"]), figure["key"]
@@ -201,8 +201,8 @@ def test_a_browser_that_cannot_unpack_is_told(browser, page_of_one):
     page.close()
 
 
-def test_the_numbers_of_the_page(open_file, page_of_one, page_of_two):
-    page = open_file(page_of_one, "wide", "light")
+def test_the_numbers_of_the_page(read_file, page_of_one, page_of_two):
+    page = read_file(page_of_one, "wide", "light")
     assert page.locator(".tiles dd").all_inner_texts() == [
         "174,117.62 kg",
         "767.127 s",
@@ -216,7 +216,7 @@ def test_the_numbers_of_the_page(open_file, page_of_one, page_of_two):
         "inclination, deg",
     ]
     assert rows[0].split("\t")[1:] == ["+0.0053", "100", "6,518,889.01", "6,518,889.00"]
-    page = open_file(page_of_two, "wide", "light")
+    page = read_file(page_of_two, "wide", "light")
     head = page.locator("#comparison thead th").all_inner_texts()
     assert head[1:] == ["peg, reference", "peg, dispersed"]
     mass = page.locator("#comparison tbody tr", has_text="final mass").inner_text()
@@ -231,8 +231,8 @@ def test_the_numbers_of_the_page(open_file, page_of_one, page_of_two):
     ]
 
 
-def test_several_flights_are_seen_at_once(open_file, page_of_two):
-    page = open_file(page_of_two, "wide", "light")
+def test_several_flights_are_seen_at_once(read_file, page_of_two):
+    page = read_file(page_of_two, "wide", "light")
     height = page.evaluate("innerHeight")
     for place in ("#comparison", "#figure-1 .plot", "#figure-2 .plot"):
         box = page.locator(place).bounding_box()
@@ -247,8 +247,8 @@ def test_several_flights_are_seen_at_once(open_file, page_of_two):
     assert {"delta-V, ideal, m/s", "delta-V, gravity, m/s", "error of radius, m"} <= set(rows)
 
 
-def test_error_and_tolerance_are_seen_first_on_a_phone(open_file, page_of_one):
-    page = open_file(page_of_one, "narrow", "light")
+def test_error_and_tolerance_are_seen_first_on_a_phone(read_file, page_of_one):
+    page = read_file(page_of_one, "narrow", "light")
     head = page.locator("#flight-1 thead th")
     assert head.all_inner_texts()[1:] == ["error", "tolerance", "flown", "target"]
     for k in (1, 2):
@@ -256,8 +256,8 @@ def test_error_and_tolerance_are_seen_first_on_a_phone(open_file, page_of_one):
         assert box["x"] + box["width"] <= 390
 
 
-def test_the_contents_name_every_figure(open_file, page_of_one):
-    page = open_file(page_of_one, "wide", "light")
+def test_the_contents_name_every_figure(read_file, page_of_one):
+    page = read_file(page_of_one, "wide", "light")
     titles = page.locator(".item.figure h3").all_inner_texts()
     assert page.locator(".toc .places a").all_inner_texts() == titles
     assert {"Perigee", "Apogee", "Propellant", "Ground track"} <= set(titles)
@@ -276,8 +276,8 @@ def test_a_pointer_on_the_map_sets_the_time(open_file, page_of_one):
     assert abs(dot["x"] + 6.0 - box["x"] - 0.5 * box["width"]) < 60.0
 
 
-def test_the_budget_and_who_made_the_flight_are_told(open_file, page_of_one, page_of_two):
-    page = open_file(page_of_one, "wide", "light")
+def test_the_budget_and_who_made_the_flight_are_told(read_file, page_of_one, page_of_two):
+    page = read_file(page_of_one, "wide", "light")
     cells = page.locator("article", has_text="Delta-V budget").locator("tbody tr")
     budget = dict(row.split("\t") for row in cells.all_inner_texts())
     numbers = [float(value.replace(",", "")) for value in budget.values()]
@@ -288,7 +288,7 @@ def test_the_budget_and_who_made_the_flight_are_told(open_file, page_of_one, pag
     assert "software" in facts
     assert "mission digest" in facts
     # one that is recorded now also says when and where
-    facts = open_file(page_of_two, "wide", "light").locator("#flight-2 .facts").inner_text()
+    facts = read_file(page_of_two, "wide", "light").locator("#flight-2 .facts").inner_text()
     assert re.search(r"date\s+20\d\d-\d\d-\d\dT", facts)
     assert re.search(r"machine\s+\w+ \w+, \d+ cores", facts)
 

@@ -34,9 +34,14 @@ def open_page(open_file, reproduction):
     return partial(open_file, reproduction / PAGE)
 
 
+@pytest.fixture
+def read_page(read_file, reproduction):
+    return partial(read_file, reproduction / PAGE)
+
+
 @pytest.mark.parametrize("size", SIZES)
-def test_the_figures_show_what_the_file_holds(open_page, report, size):
-    page = open_page(size, "light")
+def test_the_figures_show_what_the_file_holds(read_page, report, size):
+    page = read_page(size, "light")
     figures = page.evaluate(FIGURES)
     expected = {
         item["key"]: item["content"]
@@ -53,8 +58,8 @@ def test_the_figures_show_what_the_file_holds(open_page, report, size):
     assert sum(text["chart"] for text in page.evaluate(TEXTS)) > 5 * len(figures)
 
 
-def test_the_page_shows_what_the_file_holds_and_answers(open_page, report):
-    page = open_page("wide", "light")
+def test_the_page_shows_what_the_file_holds_and_answers(read_page, report):
+    page = read_page("wide", "light")
     check_tables(page, report)
     check_links(page, report)
     check_legend(page)

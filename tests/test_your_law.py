@@ -35,6 +35,7 @@ def ares(environment, *words):
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("layout", [[], ["--in-process"]])
 def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):
     flown = ares(
@@ -55,6 +56,7 @@ def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):
     assert set(open_bag(tmp_path / "bag").columns("/ares/guidance_status")["law"]) == {128}
 
 
+@pytest.mark.trial
 def test_it_flies_campaigns_too(installed):
     flown = ares(installed, "montecarlo", "--guidance", "linear_tangent", "--only", "3", "--json")
     assert flown.returncode == 0, flown.stderr

@@ -2,6 +2,7 @@
 """Free coasts of random vehicles, planned by `indirect` from the mission alone."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,6 +30,13 @@ def taken(mission, solution):
     arrays, start = mission.arrays(), mission.start().navigation()[0]
     lengths = np.array(solution.lengths_s)
     return spent(arrays, start, lengths, solution.t_meco_s - last_begin(arrays, start, lengths))
+
+
+@cache
+def long_coast():
+    """Return 43 min of coast between fixed burns and a last burn of 12 s, and the optimum."""
+    mission = random_coasting_mission(50_043)
+    return mission, solve(mission, "auto")
 
 
 def request(mission, method, arrays=None):
@@ -85,12 +93,8 @@ def test_no_coast_at_all_may_be_the_best():
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 @pytest.mark.parametrize("coast", ["free", "fixed"])
 def test_a_burn_before_a_long_coast_ends_where_planned(law, coast):
-    """Fly 43 min of coast between fixed burns and a last burn of 12 s.
-
-    Laws that aimed beyond the coast missed the orbit.
-    """
-    mission = random_coasting_mission(50_043)
-    optimum = solve(mission, "auto")
+    """Fly it: laws that aimed beyond the coast missed the orbit."""
+    mission, optimum = long_coast()
     if coast == "fixed":
         data = mission.model_dump(exclude_unset=True, mode="json")
         data["stages"][2]["arcs"][0] = {"name": "coast", "coast_s": optimum.lengths_s[0]}

@@ -86,7 +86,10 @@ def to_yaml(value: Any) -> str:
     """Write plain data in the flow style of YAML 1.2: JSON except for non-finite numbers."""
     if value is _DELETED:
         return "(absent)"
-    return _TOKEN.sub(lambda token: _NOT_FINITE.get(token[0], token[0]), json.dumps(value))
+    text = json.dumps(value)
+    if not any(name in text for name in _NOT_FINITE):
+        return text
+    return _TOKEN.sub(lambda token: _NOT_FINITE.get(token[0], token[0]), text)
 
 
 def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> Iterator[Input]:
@@ -100,7 +103,7 @@ def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> It
     for name, base in bases.items():
         for path, value, fit in _mapping(model, dict(base), ()):
             data = _put(base, path, value)
-            text = to_yaml(data)
+            text = json.dumps(data)
             if text not in seen:
                 seen.add(text)
                 yield Input(name, path, value, data, fit)

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from copy import deepcopy
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -121,6 +122,7 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
     return found
 
 
+@cache
 def all_inputs(kind: str) -> list[Input]:
     """Return every input of a kind."""
     return list(inputs(_MODELS[kind], bases(kind)))
