@@ -44,6 +44,11 @@ VERBS = {
     "test": ("[ARG ...]", "linters, type checker and all tests; arguments go to pytest"),
 }
 
+#: Workers of the tests in addition to one for each core, since many tests wait for a flight; most
+#: of them, since each takes a GiB.
+SPARE_WORKERS = 2
+MOST_WORKERS = 8
+
 
 def print_environment(workspace: Workspace, environ: Mapping[str, str]) -> None:
     """Print shell code that enters the prepared environment."""
@@ -80,8 +85,8 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
         say(f"failed: {', '.join(failed)}; this run fails whatever the tests say")
     say("running the tests, and mypy beside them")
     with begin("mypy", stdout=subprocess.PIPE) as types:
-        # many tests wait for a flight: three workers keep two cores busy
-        status = begin("pytest", "--numprocesses=3", "--dist=worksteal", *arguments).wait()
+        workers = f"--numprocesses={min((os.cpu_count() or 1) + SPARE_WORKERS, MOST_WORKERS)}"
+        status = begin("pytest", workers, "--dist=worksteal", *arguments).wait()
         found, _ = types.communicate()
     say(f"mypy: {found.strip()}")
     return status or types.returncode or (1 if failed else 0)
