@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -93,6 +94,15 @@ class Graph:
 
     def wait_for_report(self, text: str):
         self.spin(lambda: self.reported(text))
+
+    def set_parameter(self, node: str, key: str, value: object):
+        """Set a parameter of a node in another process."""
+        client = self.observer.create_client(SetParameters, f"/ares/{node}/set_parameters")
+        self.spin(client.service_is_ready)
+        parameter = Parameter(key, value=value).to_parameter_msg()
+        answer = client.call_async(SetParameters.Request(parameters=[parameter]))
+        self.spin(answer.done)
+        assert answer.result().results[0].successful
 
 
 class Done(NamedTuple):

@@ -163,9 +163,13 @@ def check_legible(page, size):
     assert page.evaluate(NAMELESS) == []
 
 
-def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults):
+@pytest.mark.parametrize(
+    "themes", [THEMES, pytest.param(tuple(reversed(THEMES)), marks=pytest.mark.trial)]
+)
+def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults, themes):
     flight = flown("--pace", "2", "--no-record")
-    pages = [(size, opened(flight.url, size, theme)) for size in SIZES for theme in THEMES]
+    looks = zip(SIZES, themes, strict=True)
+    pages = [(size, opened(flight.url, size, theme)) for size, theme in looks]
     page = pages[0][1]
     wait_for_state(page, "Live")
     page.locator(".play").click()
@@ -235,14 +239,15 @@ def test_what_is_no_command_disturbs_nothing(flown, opened):
     assert flight.end()[0] == 0
 
 
-def test_a_server_that_is_killed_is_missed_by_nobody(flown, opened, tmp_path):
-    flight = flown("--pace", "10", "--bag", str(tmp_path / "bag"))
+def test_a_server_that_is_killed_is_missed_by_nobody(flown, opened, tmp_path, graph):
+    flight = flown("--pace", "5", "--bag", str(tmp_path / "bag"))
     page = opened(flight.url)
     wait_for_state(page, "Live")
     os.kill(flight.live_process(), signal.SIGKILL)
     wait_for_state(page, "Connection lost")
     assert page.locator(".play").is_disabled()
     held = seen_time(page)
+    graph.set_parameter("vehicle_sim", "pace", 0.0)
     status, told = flight.end()
     assert (status, told["shortcomings"]) == (0, [])
     assert page.locator("#after").is_hidden()
@@ -280,8 +285,10 @@ def test_a_flight_that_stops_is_not_shown_as_live(flown, opened):
 
 
 def test_in_one_process(flown, opened):
-    flight = flown("--pace", "20", "--in-process", "--no-record")
+    flight = flown("--pace", "5", "--in-process", "--no-record")
     page = opened(flight.url)
+    wait_for_state(page, "Live")
+    page.locator("[data-pace='0']").click()
     wait_for_state(page, "Flight over: Flown to the target")
     assert flight.end()[0] == 0
 
@@ -417,6 +424,8 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
         page.locator("[data-pace='50']").click()
         page.wait_for_function("() => live.about.pace === 50")
         page.locator(".play").click()
+        wait_for_state(page, "Playing")
+        page.locator("[data-pace='0']").click()
         wait_for_state(page, "Flight over: Flown to the target")
         assert page.locator("#exit").inner_text() == (
             "Exit status 0, flown to the target, as far as the bag tells."
@@ -441,7 +450,9 @@ def test_a_page_of_its_own_finds_the_flight(ros_environment, flown, opened):
     with started(ros_environment, "live", "--no-browser") as viewer:
         page = opened(viewer.url)
         wait_for_state(page, "Waiting for the flight")
-        flight = flown("--pace", "20", "--no-record")
+        flight = flown("--pace", "5", "--no-record")
+        wait_for_state(page, "Live")
+        page.locator("[data-pace='0']").click()
         wait_for_state(page, "Flight over")
         assert flight.end()[0] == 0
         viewer.process.send_signal(signal.SIGINT)

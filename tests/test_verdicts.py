@@ -17,8 +17,6 @@ from pathlib import Path
 import psutil
 import pytest
 import yaml
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent
@@ -103,23 +101,14 @@ class Flight:
         self.graph.spin(guides, PATIENCE)
         first = guides()
         self.kill("guidance")
-        self.tell_vehicle("paused", True)
+        self.graph.set_parameter("vehicle_sim", "paused", True)
         self.graph.spin(lambda: guides() - first, PATIENCE)
-        self.tell_vehicle("paused", False)
+        self.graph.set_parameter("vehicle_sim", "paused", False)
         self.until_event(FlightEvent.GUIDANCE_BACK)
         self.hurry()
 
     def hurry(self):
-        self.tell_vehicle("pace", 0.0)
-
-    def tell_vehicle(self, key, value):
-        name = "/ares/vehicle_sim/set_parameters"
-        client = self.graph.observer.create_client(SetParameters, name)
-        self.graph.spin(client.service_is_ready, PATIENCE)
-        parameter = Parameter(key, value=value).to_parameter_msg()
-        answer = client.call_async(SetParameters.Request(parameters=[parameter]))
-        self.graph.spin(answer.done, PATIENCE)
-        assert answer.result().results[0].successful
+        self.graph.set_parameter("vehicle_sim", "pace", 0.0)
 
     def stop_until_it_is_missed(self, name):
         self.in_the_air()
