@@ -7,6 +7,7 @@ import re
 import runpy
 import subprocess
 import sys
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
@@ -52,6 +53,7 @@ COMES_WITH = {
 }
 
 
+@cache
 def imported(module: Path) -> set[str]:
     """Return the top-level names of all imports of a module."""
     nodes = list(ast.walk(ast.parse(module.read_text())))
