@@ -9,6 +9,7 @@ from ares_bringup.facts import MissionFacts, facts_of
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_bringup.options import PEG, CannotStart, refusals
 from ares_bringup.parameter_tables import tables
+from ares_bringup.rehearsal import asks_for_plan
 
 if TYPE_CHECKING:
     from ares_guidance.law import LawKind

@@ -28,7 +28,6 @@ from ares_models.mission_keys import (
     Thrust,
     ThrustTable,
     fail,
-    not_there,
     one_of,
 )
 
@@ -152,11 +151,8 @@ def burn_parts(
         lights = any(abs(t - begin) <= SAME_EVENT for t in (0.0, *ignitions))
         vertical = begin < rise - SAME_EVENT
         whole = name + "".join(f" with {booster.name}" for booster in lit)
-        parts.append(
-            BurnPart(
-                f"{whole}, vertical rise" if vertical else whole, begin, end, vertical, not lights, lit
-            )
-        )
+        whole += ", vertical rise" * vertical
+        parts.append(BurnPart(whole, begin, end, vertical, not lights, lit))
     return tuple(parts)
 
 

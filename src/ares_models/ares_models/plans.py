@@ -49,8 +49,5 @@ def needs_plan(arcs: NDArray[np.void], target: np.void) -> bool:
         target: record TARGET.
     """
     return (
-        leaves_arcs_free(arcs)
-        or coasts_long(arcs)
-        or leaves_end_free(target)
-        or flies_in_air(arcs)
+        leaves_arcs_free(arcs) or coasts_long(arcs) or leaves_end_free(target) or flies_in_air(arcs)
     )

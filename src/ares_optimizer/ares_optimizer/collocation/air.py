@@ -160,9 +160,7 @@ def _pressure_terms(
 
 
 @kernel
-def _add_turn(
-    environment: Record, r: Vector, u: Vector, net: float, gradient: Array
-) -> None:
+def _add_turn(environment: Record, r: Vector, u: Vector, net: float, gradient: Array) -> None:
     """Add the change of a vertical thrust with the position."""
     stretch = 1.0
     if environment.altitude_model != ALTITUDE_SPHERICAL:

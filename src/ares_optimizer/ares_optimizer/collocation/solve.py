@@ -31,8 +31,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
 
     Returns:
         the best solution of all starts. CONVERGED: first- and second-order conditions are met,
-        the Hamiltonian is constant within :func:`allowed_spread`, and another integrator confirms the
-        flight. FEASIBLE: the flight reaches the target, but one of these fails.
+        the Hamiltonian is constant within :func:`allowed_spread`, and another integrator
+        confirms the flight. FEASIBLE: the flight reaches the target, but one of these fails.
     """
     began = time.perf_counter()
     arrays, start = request.arrays, request.state

@@ -274,7 +274,8 @@ class CollocationProgram:
         self.steering = np.where(
             burning, np.where(self.segments["held"] > 0, HELD_ATTITUDE, GUIDED), COASTING
         )
-        self.steering[burning & (self.arrays.arcs["vertical"][self.segments["arc"]] == 1)] = VERTICAL
+        rising = self.arrays.arcs["vertical"][self.segments["arc"]] == 1
+        self.steering[burning & rising] = VERTICAL
         at = 6 * self.nodes
         controls: list[int] = []
         self.control_of: list[NDArray[np.int64]] = []

@@ -45,7 +45,7 @@ def surface_radius(r: Array, environment: Record) -> Array:
 
 
 def _table_at(height: Array, table: Array, column: int) -> Array:
-    """Return a cubic of the atmosphere's table at altitudes, m: log of density (1) or pressure (5)."""
+    """Return a cubic of the atmosphere's table at altitudes, m, from a column on: 1 or 5."""
     row = table[np.maximum(np.searchsorted(table[:, 0], height, side="right") - 1, 0)].T
     x = height - row[0]
     c0, c1, c2, c3 = row[column : column + 4]
