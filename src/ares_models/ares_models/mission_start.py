@@ -31,6 +31,7 @@ from ares_models.mission_keys import (
 )
 from ares_models.orbits import Elements
 from ares_models.ranges import Range
+from ares_models.tolerances import ROUNDING_M
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -39,8 +40,6 @@ Array = NDArray[np.float64]
 
 #: Largest initial radius, in equatorial radii.
 MAX_INITIAL_RADII = 10.0
-#: Depth below the surface at which a vehicle at rest still stands on it, m: rounding.
-ROUNDING_M = 1e-3
 #: Least perigee radius of an initial state by elements, m.
 LEAST_PERIGEE_M = 1.0
 

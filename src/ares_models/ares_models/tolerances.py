@@ -19,6 +19,8 @@ HEATING_W_M2 = 0.2
 PROPELLANT_KG = 0.1
 #: The same of dynamic pressure and q alpha, relative to the limit.
 PRESSURE_SHARE = 1e-3
+#: Depth below the surface at which a vehicle at rest still stands on it, m: rounding.
+ROUNDING_M = 1e-3
 #: Tolerated depth below the floor of an arc.
 FLOOR_M = 10.0
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MISSION_TIME, NAVIGATION, MissionArrays
 from ares_models.mission import Mission
-from ares_models.mission_start import ROUNDING_M
+from ares_models.tolerances import ROUNDING_M
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError
 

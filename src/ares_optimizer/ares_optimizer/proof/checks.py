@@ -16,8 +16,12 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.judge import Judgement, judge
-from ares_models.mission_start import ROUNDING_M
-from ares_models.tolerances import HEATING_W_M2, PRESSURE_SHARE, PROPELLANT_KG
+from ares_models.tolerances import (
+    HEATING_W_M2,
+    PRESSURE_SHARE,
+    PROPELLANT_KG,
+    ROUNDING_M,
+)
 from ares_optimizer.proof.flight import Piece, ProofFlight
 from ares_optimizer.proof.physics import dynamic_pressure, elements, q_alpha, surface_radius
 from ares_optimizer.request import Heating

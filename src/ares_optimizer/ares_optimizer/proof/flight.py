@@ -21,7 +21,6 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
-from ares_models.plans import flies_in_air
 from ares_optimizer.proof.physics import air_force, gravity, heating, vertical
 from ares_optimizer.proof.sequence import (
     Plan,
@@ -166,7 +165,7 @@ def _integrate(
     environment = arrays.environment[0]
     engines = running(plan.engines, *span)
     arc = arrays.arcs[plan.arc_at(0.5 * (span[0] + span[1]))]
-    in_air = flies_in_air(arrays.arcs)
+    in_air = any(arrays.arcs[name].any() for name in ("drag_knots", "exit_area", "vertical"))
 
     def engine(t: float, mass: float) -> tuple[float, float]:
         return thrust_and_flow(arrays.arcs, engines, t, mass)

@@ -1,0 +1,255 @@
+"""Flights from the pad: the plant, the optimum, the programme and the hand-over."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ares_guidance.arrays import PHASE_BOOST
+from ares_guidance.laws import find_law, make_law
+from ares_models.atmosphere import us76
+from ares_models.kernels.aerodynamics import air_at
+from ares_models.mission import MissionError, load_mission, parse_mission
+from ares_optimizer.proof.physics import air_force, gravity
+from ares_optimizer.solution import Check, UnfitMethod
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import arc_plan, fly_stepwise, offline_trajectory
+from ares_vehicle_sim.simulator import Simulator
+
+pytestmark = pytest.mark.long
+
+#: Published optimum: Benson (2005), and the examples of GPOPS, yapss and Dymos.
+PUBLISHED_KG, PUBLISHED_S = 7529.712287, 924.139203
+
+SMALL = """
+name: small_pad
+title: a made-up launcher of two stages
+source: made up for this test
+payload_kg: 900.0
+environment:
+  mu_m3_s2: 3.986004418e14
+  earth:
+    equatorial_radius_m: 6378137.0
+    polar_radius_m: 6356752.3
+    rotation_rate_rad_s: 7.292115e-5
+    zero_longitude_deg: 0.0
+  atmosphere: {{model: us76}}
+aerodynamics:
+  reference_area_m2: 2.2
+  drag_table: [[0.0, 0.3], [0.8, 0.35], [1.1, 0.6], [1.6, 0.5], [3.0, 0.33], [8.0, 0.25]]
+initial_state: {{time_s: 0.0, geodetic_latitude_deg: 5.2, longitude_deg: 307.2, altitude_m: 20.0}}
+stages:
+  - name: first
+    dry_mass_kg: 3300.0
+    propellant_kg: 40000.0
+    thrust_n: {thrust}
+    isp_s: 312.0
+    burn_time_s: 153.0
+    exit_area_m2: 0.9
+    vertical_rise_s: 8.0
+    max_dynamic_pressure_pa: 36000.0
+    max_q_alpha_pa_rad: 2500.0
+  - name: second
+    dry_mass_kg: 1000.0
+    propellant_kg: 9000.0
+    arcs:
+      - {{coast_s: 4.0}}
+      - {{thrust_n: 90000.0, isp_s: 345.0, burn_time_s: free}}
+jettisons:
+  - {{name: fairing, mass_kg: 200.0, stage: second, time_after_ignition_s: 40.0}}
+target: {{perigee_altitude_m: 400000.0, apogee_altitude_m: 400000.0, inclination_deg: 30.0}}
+"""
+
+
+def small(thrust=800000.0):
+    return parse_mission(SMALL.format(thrust=thrust), "small.yaml")
+
+
+@pytest.fixture(scope="module")
+def delta():
+    mission = load_mission("delta_iii_pad")
+    return mission, solve(mission, "auto")
+
+
+@pytest.fixture(scope="module")
+def limited():
+    mission = small()
+    return mission, solve(mission, "auto")
+
+
+def flown(mission, solution, name):
+    """Fly a mission by a law with the plan of a solution."""
+    law = make_law(name, mission.arrays(foreseen=True))
+    law.follow_arcs(offline_trajectory(solution).arc_plan(mission.arrays(foreseen=True)))
+    return fly_stepwise(mission, law=law).plant
+
+
+@pytest.mark.parametrize(
+    ("altitude", "pressure"),
+    # US Standard Atmosphere 1976, table I, geometric altitudes
+    [(0.0, 101325.0), (5e3, 54048.0), (11e3, 22700.0), (20e3, 5529.3), (50e3, 79.779)],
+)
+def test_the_pressure_is_that_of_the_published_table(altitude, pressure):
+    environment = small().arrays().environment[0]
+    air = air_at(altitude, environment, us76().table)
+    assert air.pressure == pytest.approx(pressure, rel=1e-4)
+    if altitude in (11e3, 20e3):
+        assert air.sound == pytest.approx(295.07, rel=1e-3)
+
+
+def test_the_optimum_from_the_pad_is_the_published_one(delta):
+    _, solution = delta
+    assert solution.converged
+    assert solution.m_f_kg == pytest.approx(PUBLISHED_KG, abs=1e-3)
+    assert solution.t_meco_s == pytest.approx(PUBLISHED_S, abs=1e-3)
+
+
+@pytest.mark.parametrize(("law", "most"), [("peg", 3e-3), ("igm", 3e-3), ("optimal", 5e-4)])
+def test_a_law_flies_from_the_pad_to_the_target(delta, law, most):
+    mission, solution = delta
+    end = flown(mission, solution, law)
+    assert end["inserted"]
+    assert 1.0 - float(end["mass"]) / solution.m_f_kg < most
+    axis = 1.0 / (
+        2.0 / np.linalg.norm(end["position"])
+        - float(end["velocity"] @ end["velocity"]) / mission.environment.mu_m3_s2
+    )
+    assert axis == pytest.approx(24361140.0, abs=1e4)
+
+
+def test_the_optimum_keeps_its_limits_and_reaches_them(limited):
+    _, solution = limited
+    assert solution.converged, solution.reason
+    checks = {check.key: check for check in solution.constraints}
+    for key, limit in ((Check.DYNAMIC_PRESSURE, 36000.0), (Check.Q_ALPHA, 2500.0)):
+        assert checks[key].satisfied
+        assert checks[key].value <= 1.001 * limit
+    assert checks[Check.DYNAMIC_PRESSURE].value > 0.99 * 36000.0
+
+
+@pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
+def test_a_launcher_with_limits_is_flown_within_half_a_percent(limited, law):
+    mission, solution = limited
+    end = flown(mission, solution, law)
+    assert end["inserted"]
+    assert abs(1.0 - float(end["mass"]) / solution.m_f_kg) < 5e-3
+
+
+def test_guidance_flies_the_programme_first_and_hands_over_above_the_air(limited):
+    mission, solution = limited
+    law = make_law("peg", mission.arrays(foreseen=True))
+    law.follow_arcs(offline_trajectory(solution).arc_plan(mission.arrays(foreseen=True)))
+    simulator = Simulator(mission)
+    phases = []
+    while not simulator.complete and simulator.plant["time"] < 300.0:
+        law.step(simulator.navigation)
+        phases.append((law.phase, float(simulator.truth()["dynamic_pressure"])))
+        simulator.command(law.steering)
+        simulator.advance()
+    boost = [phase == PHASE_BOOST for phase, _ in phases]
+    handed_over = boost.index(False)
+    assert handed_over > 0
+    assert not any(boost[handed_over:])
+    assert max(q for _, q in phases[handed_over:]) < 500.0 < 20000.0 < max(q for _, q in phases)
+
+
+def test_the_plant_flies_as_an_independent_integrator_does():
+    mission = small()
+    arrays = mission.arrays()
+    simulator = Simulator(mission)
+    direction = np.array([0.6, -0.55, 0.2]) + simulator.plant["position"] / 6.4e6
+    direction /= np.linalg.norm(direction)
+    steering = make_law("peg", mission.arrays(foreseen=True)).steering.copy()
+    steering["direction"] = direction
+    start = np.concatenate(
+        (simulator.plant["position"], simulator.plant["velocity"], [simulator.plant["mass"]])
+    )
+    while simulator.plant["time"] < 60.0 - 1e-6:
+        simulator.command(steering)
+        simulator.advance()
+
+    def motion(t, y):
+        arc = arrays.arcs[0 if t < 8.0 else 1]
+        r, v = y[:3], y[3:6]
+        normal = r * [1.0, 1.0, (6378137.0 / 6356752.3) ** 2]
+        u = normal / np.linalg.norm(normal) if t < 8.0 else direction
+        force = air_force(r, v, float(arc["thrust"]), u, arc, arrays)
+        flow = float(arc["mass_flow"])
+        return np.concatenate((v, gravity(r, arrays.environment[0]) + force / y[6], [-flow]))
+
+    for span in ((0.0, 8.0), (8.0, 60.0)):
+        start = solve_ivp(motion, span, start, rtol=1e-10, atol=1e-8).y[:, -1]
+    assert np.linalg.norm(simulator.plant["position"] - start[:3]) < 1.0
+    assert np.linalg.norm(simulator.plant["velocity"] - start[3:6]) < 0.01
+    assert simulator.plant["mass"] == pytest.approx(start[6], abs=1e-6)
+
+
+def test_state_shows_what_the_air_does(limited):
+    mission, solution = limited
+    law = make_law("peg", mission.arrays(foreseen=True))
+    law.follow_arcs(offline_trajectory(solution).arc_plan(mission.arrays(foreseen=True)))
+    simulator = Simulator(mission)
+    first = simulator.truth().copy()
+    assert first["dynamic_pressure"] == pytest.approx(0.0, abs=1e-6)
+    assert first["thrust"] == pytest.approx(800000.0 - 0.9 * 101325.0, rel=1e-2)
+    while simulator.plant["time"] < 60.0:
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+    state = simulator.truth()
+    speed = float(state["relative_speed"])
+    assert state["dynamic_pressure"] == pytest.approx(0.5 * state["density"] * speed**2)
+    assert 0.5 < state["mach"] < 4.0
+    assert 0.0 < state["angle_of_attack"] < math.radians(15.0)
+    assert state["axial_acceleration"] < state["thrust"] / state["mass"]
+    assert state["lateral_acceleration"] < 0.1 * state["axial_acceleration"]
+
+
+def test_a_rocket_too_heavy_for_its_pad_is_refused():
+    with pytest.raises(MissionError, match="more thrust than weight at lift-off"):
+        small(thrust=500000.0)
+
+
+def test_other_methods_say_that_they_do_not_know_the_air():
+    with pytest.raises(UnfitMethod, match="in the air"):
+        solve(small(), "indirect")
+
+
+def test_a_plan_is_made_without_being_asked_for(delta):
+    mission, _ = delta
+    plan = arc_plan(mission, find_law("peg"))
+    assert plan.programme is not None
+    assert np.all(np.diff(plan.programme.time) >= 0.0)
+
+
+def test_boosters_make_arcs_and_drop_as_they_burn_out(delta):
+    mission, _ = delta
+    assert mission.arc_names == (
+        "first stage with six solids",
+        "first stage with three solids",
+        "first stage",
+        "second stage",
+    )
+    assert mission.jettison_names == ("six solids", "three solids")
+    assert mission.start().mass_kg == pytest.approx(301454.0)
+    arrays = mission.arrays()
+    assert arrays.arcs["thrust"][0] == pytest.approx(6 * 628500.0 + 1083100.0)
+    assert arrays.arcs["mass_flow"][1] == pytest.approx(3 * 17010.0 / 75.2 + 95550.0 / 261.0)
+
+
+def test_a_booster_that_outlasts_its_stage_is_refused():
+    text = SMALL.format(thrust=800000.0).replace(
+        "    vertical_rise_s: 8.0\n",
+        "    boosters:\n      - {name: strap-on, dry_mass_kg: 100.0, propellant_kg: 900.0, "
+        "thrust_table: [[0.0, 30000.0], [160.0, 20000.0]]}\n",
+    )
+    with pytest.raises(MissionError, match="before the burn beside it ends"):
+        parse_mission(text, "small.yaml")
+    fits = parse_mission(text.replace("[160.0,", "[90.0,"), "small.yaml")
+    row = fits.arrays().arcs[0]
+    assert row["tabled"]
+    assert row["duration"] == 90.0
+    burnt = 90.0 * 800000.0 / (9.80665 * 312.0) + 900.0
+    flow = np.trapezoid(row["start_flow"][:2], row["start_time"][:2]) * row["mass_flow"]
+    assert flow == pytest.approx(burnt, rel=1e-9)
