@@ -258,8 +258,7 @@ def check_initial_state(mission: "Mission") -> None:
     if mission.environment.altitude == "ellipsoid" and radius > 0.0:
         latitude, _ = earth.latitude_longitude(start.position, 0.0)
         surface = earth.surface_radius(latitude)
-    if form.AT_REST:
-        surface -= ROUNDING_M
+    surface += -ROUNDING_M if form.AT_REST else ROUNDING_M
     if not surface < radius < farthest:
         fail(
             ("initial_state", form.PLACE),

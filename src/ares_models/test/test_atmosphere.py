@@ -83,11 +83,13 @@ def test_value_and_slope_are_continuous(model):
     table = MODELS[model]().table
     width = np.diff(table[:, 0])
     assert np.all(width > 0.0)
-    _, c0, c1, c2, c3 = table[:-1].T
-    value = c0 + width * (c1 + width * (c2 + width * c3))
-    slope = c1 + width * (2.0 * c2 + width * 3.0 * c3)
-    assert np.allclose(value, table[1:, 1], rtol=0.0, atol=1e-13)
-    assert np.allclose(slope, table[1:, 2], rtol=1e-12, atol=0.0)
+    # density, then pressure
+    for first in (1, 5):
+        c0, c1, c2, c3 = table[:-1, first : first + 4].T
+        value = c0 + width * (c1 + width * (c2 + width * c3))
+        slope = c1 + width * (2.0 * c2 + width * 3.0 * c3)
+        assert np.allclose(value, table[1:, first], rtol=0.0, atol=1e-13)
+        assert np.allclose(slope, table[1:, first + 1], rtol=1e-12, atol=1e-18)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -40,6 +40,7 @@ def test_shipped_missions():
         "ariane5_eca",
         "delta_iii",
         "delta_iii_coast",
+        "delta_iii_pad",
         "electron_sso",
         "falcon9_gto",
         "geostationary_burn",
@@ -105,7 +106,7 @@ def test_ares_v_arrays():
     assert target["speed"] == 7840.675
     assert math.degrees(target["flight_path_angle"]) == pytest.approx(1.0064, rel=1e-14)
     assert math.degrees(target["inclination"]) == pytest.approx(28.5, rel=1e-14)
-    assert arrays.atmosphere.shape[1] == 5
+    assert arrays.atmosphere.shape[1] == 9
 
 
 def test_ares_v_start():

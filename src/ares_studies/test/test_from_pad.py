@@ -45,7 +45,7 @@ stages:
     propellant_kg: 40000.0
     thrust_n: {thrust}
     isp_s: 312.0
-    burn_time_s: 153.0
+    burn_time_s: 152.9
     exit_area_m2: 0.9
     vertical_rise_s: 8.0
     max_dynamic_pressure_pa: 36000.0
