@@ -19,7 +19,10 @@ from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
 from ares_vehicle_sim.dispersions import Dispersions
 
 #: Additional files, so that every key is used somewhere.
-_OWN = {MISSION: ("elements", "arcs", "solids"), DISPERSIONS: ("dispersions", "covariance")}
+_OWN = {
+    MISSION: ("elements", "arcs", "solids", "pad"),
+    DISPERSIONS: ("dispersions", "covariance"),
+}
 #: Other targets for one of them.
 _TARGETS: Mapping[str, Mapping[str, object]] = {
     "apsides": {
