@@ -110,15 +110,18 @@ def arc_plan(
     law: LawKind,
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
+    asked: bool = False,
 ) -> ArcPlan | None:
-    """Solve for the plan of a mission's free arcs; None if the mission has none.
+    """Solve for the plan of what a mission leaves free; None if it leaves nothing free.
 
-    Args: see :func:`plan_solution`.
+    Args:
+        mission, law, state, time_limit_s: see :func:`plan_solution`.
+        asked: solve for one although nothing is free.
 
     Raises: see :func:`plan_solution`.
     """
     arrays = mission.arrays(foreseen=True)
-    if not needs_plan(arrays.arcs, arrays.target[0]):
+    if not (asked or needs_plan(arrays.arcs, arrays.target[0])):
         return None
     return offline_trajectory(plan_solution(mission, law, state, time_limit_s)).arc_plan(arrays)
 
@@ -154,9 +157,7 @@ def ready_law(
         guess = solve(mission, law.kind.trajectory_method, state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))
-    elif law.lacks_plan:
-        solution = plan_solution(mission, law.kind, state, time_limit_s)
-        plan = offline_trajectory(solution).arc_plan(arrays)
+    elif (plan := arc_plan(mission, law.kind, state, time_limit_s, law.asks)) is not None:
         law.follow_arcs(plan)
         begin = mission.start().navigation() if state is None else state
         check_law(name, arrays, begin, plan)
