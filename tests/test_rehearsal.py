@@ -13,6 +13,7 @@ from ares_studies.closed_loop import plan_solution
 from ares_trials.random_vehicles import random_coasting_mission
 
 LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
+MISSIONS = Path(__file__).parents[1] / "src/ares_optimizer/test/missions"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -78,6 +79,16 @@ SAID_BY_THE_THESIS = (
     r"^law is 'peg_thesis'; expected peg, igm or optimal, which fly arcs before the last that are "
     r"free, as arc 1 \(.+\) and arc 2 \(.+\)$"
 )
+
+
+@pytest.mark.parametrize("name", ["long_weak_burn", "nearly_there"])
+def test_a_law_that_finds_no_way_by_itself_asks_for_a_plan(name):
+    """Nothing of these missions is free but the end of their one burn."""
+    mission = str(MISSIONS / f"{name}.yaml")
+    assert rehearse({"mission": mission, "law": "optimal"}) == ""
+    for law in ("peg", "igm"):
+        with pytest.raises(CannotStart, match=rf"^law is '{law}', which .*; try law optimal$"):
+            rehearse({"mission": mission, "law": law})
 
 
 def test_a_law_that_flies_no_plan_says_so():

@@ -79,6 +79,8 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     except ValueError as error:
         raise refusal(error, mission) from error
     try:
+        if not mission.needs_plan:
+            _check_start(rehearsal, law)
         end = _fly_ahead(rehearsal, law)
     except ValueError as error:
         said = mission.with_names(str(error))
@@ -141,6 +143,20 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
         LawSettings(**known[LawSettings]),
         0.0 if mission.needs_plan else plan.m_f_kg * (1.0 - TOLERATED),
     )
+
+
+def _check_start(rehearsal: _Rehearsal, law: str) -> None:
+    """Check that a law finds a way by the plan that it asked for.
+
+    Raises:
+        ValueError: it finds none; one line, which names the laws that do.
+    """
+    from ares_guidance.laws import check_law
+    from ares_studies.closed_loop import offline_trajectory
+
+    arrays = rehearsal.mission.arrays(foreseen=True)
+    plan = offline_trajectory(rehearsal.plan).arc_plan(arrays)
+    check_law(law, arrays, rehearsal.mission.start().navigation(), plan)
 
 
 def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ares_guidance.floor import check_floor, held_burns, lowest_coast
+from ares_guidance.floor import check_floor, held_burns, lifted, lowest_coast
 from ares_guidance.guess import OfflineTrajectory
 from ares_models.arrays import COAST
 from ares_models.mission import load_mission
@@ -153,6 +153,8 @@ def test_a_sample_below_the_ground(mission):
         sample_time=np.array([200.0, 300.0]),
         sample_position=np.array([[6.19e6, 0.0, 0.0], good.sample_position[0]]),
         sample_velocity=np.array([[0.0, 7e3, 0.0], good.sample_velocity[0]]),
+        sample_mass=np.ones(2),
+        sample_direction=np.repeat(good.sample_direction, 2, axis=0),
     )
     with pytest.raises(ValueError, match="arc 1, a burn, goes through the ground, 10,000 m deep"):
         check_floor(bad, arrays)
@@ -163,3 +165,24 @@ def test_no_coast_no_lowest(mission):
     orbit = Elements(6.6e6, 0.0, 0.5, 0.1, 0.2, true_anomaly=0.0)
     without = replace(trajectory(orbit, 100.0), sample_time=np.array([1e4]))
     assert lowest_coast(without, arrays) == math.inf
+
+
+@pytest.mark.parametrize(("eccentricity", "begin"), [(0.0156, -0.92), (0.6, 0.1), (1.09, -0.04)])
+def test_a_lifted_end_passes_through_the_next_ignition(eccentricity, begin):
+    perigee = 6.46e6
+    axis = perigee / (1.0 - eccentricity)
+    planned = Elements(axis, eccentricity, 0.9, 4.8, 1.8, true_anomaly=begin)
+    there, _ = replace(planned, true_anomaly=2.1).state(MU)
+    higher = Elements.from_state(*lifted(*planned.state(MU), 6.0, there, MU), MU)
+    assert higher.perigee_radius - perigee == pytest.approx(6.0, rel=1e-3)
+    turned = replace(higher, true_anomaly=higher.true_anomaly + 2.1 - begin)
+    assert turned.state(MU)[0] == pytest.approx(there, abs=0.01)
+
+
+def test_an_end_whose_lowest_place_is_the_next_ignition_is_lifted_alone():
+    planned = Elements(7.0e6, 0.05, 0.9, 4.8, 1.8, true_anomaly=math.pi - 1e-3)
+    r, v = planned.state(MU)
+    perigee, _ = replace(planned, true_anomaly=0.0).state(MU)
+    higher, same = lifted(r, v, 6.0, perigee, MU)
+    assert np.linalg.norm(higher) - np.linalg.norm(r) == pytest.approx(6.0)
+    assert same == pytest.approx(v)
