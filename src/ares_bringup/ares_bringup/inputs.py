@@ -126,6 +126,7 @@ def needs_plan(mission: str, law: str) -> bool:
     """
     from ares_models.mission import load_mission
 
+    _find_law(law)
     with refusals():
         loaded = load_mission(mission)
     return loaded.needs_plan or asks_for_plan(loaded, law)
