@@ -416,14 +416,11 @@ class Mission(Part):
                     self._write_coast(arc, row)
                 if isinstance(arc, BurnArc):
                     self._write_burn(arc, row)
-                    parts_here = stage.parts_of(k, self.environment.g0_m_s2)
-                    if len(parts_here) > 1 or parts_here[0].lit:
-                        rows[-1:] = [
-                            part_row(row, part, part is parts_here[-1], self.environment.g0_m_s2)
-                            for part in parts_here
-                        ]
+                    g0 = self.environment.g0_m_s2
+                    cut = stage.parts_of(k, g0)
+                    rows[-1:] = [part_row(row, part, part is cut[-1], g0) for part in cut]
                     if arc.engine_out:
-                        rows.append(_lose_engines(row, arc.engine_out, foreseen))
+                        rows.append(_lose_engines(rows[-1], arc.engine_out, foreseen))
         return np.concatenate(rows)
 
     def _write_air(self, stage: Stage, row: NDArray[np.void]) -> None:

@@ -8,7 +8,7 @@ exit area of all that burns then. An empty booster drops as it burns out.
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ from ares_models.mission_keys import (
     fail,
     one_of,
 )
+
+if TYPE_CHECKING:
+    from ares_models.mission_parts import Stage
 
 Array = NDArray[np.float64]
 Row = NDArray[np.void]
@@ -207,21 +210,21 @@ def _add_boosters(row: Row, part: BurnPart, g0: float) -> None:
     row["start_loss"] = times[-1] - times[0] - impulse / row["thrust"]
 
 
-def check_boosters(stage_path: tuple[str | int, ...], stage: "object", g0: float) -> None:
+def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float) -> None:
     """Check boosters against the burn beside which they burn.
 
     Args:
         stage_path: key path of the stage.
-        stage: of type :class:`ares_models.mission_parts.Stage`.
+        stage: the stage.
         g0: m/s2.
 
     Raises:
         PydanticCustomError: a booster does not fit.
     """
-    boosters: tuple[Booster, ...] = stage.boosters  # type: ignore[attr-defined]
+    boosters = stage.boosters
     if not boosters:
         return
-    burn: BurnArc = stage.burns[0]  # type: ignore[attr-defined]
+    burn = stage.burns[0]
     for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2", "thrust_table"):
         if getattr(burn, key) is not None:
             expected = "no such key in a burn beside boosters"

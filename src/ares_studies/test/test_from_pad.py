@@ -78,11 +78,17 @@ def limited():
     return mission, solve(mission, "auto")
 
 
+def ready(mission, solution, name="peg"):
+    """Return a law with the plan of a solution."""
+    arrays = mission.arrays(foreseen=True)
+    law = make_law(name, arrays)
+    law.follow_arcs(offline_trajectory(solution).arc_plan(arrays))
+    return law
+
+
 def flown(mission, solution, name):
     """Fly a mission by a law with the plan of a solution."""
-    law = make_law(name, mission.arrays(foreseen=True))
-    law.follow_arcs(offline_trajectory(solution).arc_plan(mission.arrays(foreseen=True)))
-    return fly_stepwise(mission, law=law).plant
+    return fly_stepwise(mission, law=ready(mission, solution, name)).plant
 
 
 @pytest.mark.parametrize(
@@ -138,8 +144,7 @@ def test_a_launcher_with_limits_is_flown_within_half_a_percent(limited, law):
 
 def test_guidance_flies_the_programme_first_and_hands_over_above_the_air(limited):
     mission, solution = limited
-    law = make_law("peg", mission.arrays(foreseen=True))
-    law.follow_arcs(offline_trajectory(solution).arc_plan(mission.arrays(foreseen=True)))
+    law = ready(mission, solution)
     simulator = Simulator(mission)
     phases = []
     while not simulator.complete and simulator.plant["time"] < 300.0:
@@ -187,8 +192,7 @@ def test_the_plant_flies_as_an_independent_integrator_does():
 
 def test_state_shows_what_the_air_does(limited):
     mission, solution = limited
-    law = make_law("peg", mission.arrays(foreseen=True))
-    law.follow_arcs(offline_trajectory(solution).arc_plan(mission.arrays(foreseen=True)))
+    law = ready(mission, solution)
     simulator = Simulator(mission)
     first = simulator.truth().copy()
     assert first["dynamic_pressure"] == pytest.approx(0.0, abs=1e-6)

@@ -59,22 +59,17 @@ def planned_time(
 
 
 @kernel
-def hands_over(mission: MissionRecords, programme: Record, nav: Record, speed: float) -> bool:
+def hands_over(programme: Record, first: int, nav: Record, speed: float, burns: bool) -> bool:
     """Return whether the law takes over from the programme.
 
-    Args:
-        mission: as guidance believes it.
-        programme: record PROGRAMME.
-        nav: record NAVIGATION.
-        speed: in the air, m/s.
+    Args: as in :func:`planned_time`.
     """
     end = programme.count - 1
     if nav.arc != programme.arc[end]:
         return bool(nav.arc > programme.arc[end])
-    first, _ = knots_of(programme, nav.arc)
     length = programme.time[end] - programme.time[first]
     since = nav.time - nav.arc_start_time
-    if mission.arcs[nav.arc].kind != BURN:
+    if not burns:
         return bool(since >= length)
     # a weak engine may never reach the speed
     return bool(speed >= programme.speed[end] or since > (1.0 + LATE_SHARE) * length)
@@ -94,12 +89,12 @@ def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
     if programme.count == 0 or programme.over == 1:
         return False
     speed = norm(relative_velocity(load(nav.position), load(nav.velocity), mission.environment))
-    if hands_over(mission, programme, nav, speed):
+    first, last = knots_of(programme, nav.arc)
+    burns = mission.arcs[nav.arc].kind == BURN
+    if hands_over(programme, first, nav, speed, burns):
         programme.over = 1
         return False
     programme.active = 1
-    first, last = knots_of(programme, nav.arc)
-    burns = mission.arcs[nav.arc].kind == BURN
     at = planned_time(programme, first, last, nav, speed, burns)
     k = first
     while k + 1 < last and programme.time[k + 1] <= at:

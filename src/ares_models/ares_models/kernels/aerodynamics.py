@@ -98,15 +98,21 @@ def drag_coefficient(arc: Record, mach: float) -> tuple[float, float]:
 
 
 @kernel
+def vertical_stretch(environment: Record) -> float:
+    """Return the factor on z by which a position becomes a normal to the ellipsoid; 1: sphere."""
+    if environment.altitude_model == ALTITUDE_SPHERICAL:
+        return 1.0
+    ratio = environment.equatorial_radius / environment.polar_radius
+    return float(ratio * ratio)
+
+
+@kernel
 def local_vertical(r: Vector, environment: Record) -> Vector:
     """Return the direction upwards: along the radius, or normal to the ellipsoid.
 
     The normal is that at the surface below; it is exact on the ground and 1e-6 rad off at 2 km.
     """
-    if environment.altitude_model == ALTITUDE_SPHERICAL:
-        return unit(r)
-    ratio = environment.equatorial_radius / environment.polar_radius
-    return unit((r[0], r[1], ratio * ratio * r[2]))
+    return unit((r[0], r[1], vertical_stretch(environment) * r[2]))
 
 
 @kernel
@@ -124,14 +130,23 @@ def drag(
 
 
 @kernel
+def pressure_loss_terms(
+    arc: Record, r: Vector, environment: Record, atmosphere: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Compute the thrust that the ambient pressure takes, N, and its slope by altitude, N/m."""
+    if arc.exit_area <= 0.0:
+        return 0.0, 0.0
+    air = air_at(altitude(r, environment), environment, atmosphere)
+    lost = air.pressure * arc.exit_area
+    return lost, lost * air.pressure_slope
+
+
+@kernel
 def pressure_loss(
     arc: Record, r: Vector, environment: Record, atmosphere: NDArray[np.float64]
 ) -> float:
     """Compute the thrust that the ambient pressure takes, N: p times the exit area."""
-    if arc.exit_area <= 0.0:
-        return 0.0
-    air = air_at(altitude(r, environment), environment, atmosphere)
-    lost: float = air.pressure * arc.exit_area
+    lost, _ = pressure_loss_terms(arc, r, environment, atmosphere)
     return lost
 
 
@@ -174,16 +189,6 @@ def drag_with_gradient(
     by_x = axpy(up[0], by_h, scale(-rate, by_v))
     by_y = axpy(up[1], by_h, scale(rate, by_u))
     return Force(force, by_x, by_y, scale(up[2], by_h), by_u, by_v, by_w)
-
-
-@kernel
-def dynamic_pressure(
-    r: Vector, v: Vector, environment: Record, atmosphere: NDArray[np.float64]
-) -> float:
-    """Compute the dynamic pressure, Pa: 0.5 rho V^2."""
-    air = air_at(altitude(r, environment), environment, atmosphere)
-    w = relative_velocity(r, v, environment)
-    return 0.5 * air.density * dot(w, w)
 
 
 @kernel

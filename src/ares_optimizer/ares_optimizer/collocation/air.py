@@ -5,21 +5,20 @@ Local variables are position, velocity, length of the phase, mass at its begin a
 free, the thrust direction. Everything is in the units of the program.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import ALTITUDE_SPHERICAL, MissionRecords, Record
+from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import (
-    air_at,
     drag,
     drag_with_gradient,
     local_vertical,
     pressure_loss,
+    pressure_loss_terms,
+    vertical_stretch,
 )
-from ares_models.kernels.environment import altitude, altitude_gradient
+from ares_models.kernels.environment import altitude_gradient
 from ares_models.kernels.vectors import Vector, axpy, norm, scale
 from ares_optimizer.collocation.arrays import COASTING, VERTICAL
 from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
@@ -30,7 +29,7 @@ Array = NDArray[np.float64]
 
 #: Most local variables of a point.
 LOCALS = 11
-_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @kernel
@@ -40,7 +39,8 @@ def local_count(phase: Record) -> int:
 
 
 @kernel
-def _vector(x: Array, i: int) -> Vector:
+def vector_at(x: Array, i: int) -> Vector:
+    """Return three variables from ``i`` on."""
     return (x[i], x[i + 1], x[i + 2])
 
 
@@ -48,12 +48,12 @@ def _vector(x: Array, i: int) -> Vector:
 def _direction(
     point: Record, phase: Record, mission: MissionRecords, x: Array, r: Vector
 ) -> Vector:
-    """Return the thrust direction at a point, at the scaled position ``r``."""
+    """Return the thrust direction at a point, at the position ``r`` in any unit."""
     if phase.steering == COASTING:
         return (0.0, 0.0, 0.0)
     if phase.steering == VERTICAL:
         return local_vertical(r, mission.environment)
-    return _vector(x, point.control)
+    return vector_at(x, point.control)
 
 
 @kernel
@@ -70,7 +70,7 @@ def air_motion(
         x: shape (n,), variables.
     """
     at = 6 * (point.node + point.number)
-    r, v = scale(units[0], _vector(x, at)), scale(units[1], _vector(x, at + 3))
+    r, v = scale(units[0], vector_at(x, at)), scale(units[1], vector_at(x, at + 3))
     arc = mission.arcs[phase.arc]
     s = point.fraction * x[phase.length]
     left, _, _ = mass_at_end(phase, s, x[phase.mass])
@@ -101,7 +101,7 @@ def local_gradient(
     """
     environment, atmosphere = mission.environment, mission.atmosphere
     at = 6 * (point.node + point.number)
-    r, v = _vector(x, at), _vector(x, at + 3)
+    r, v = vector_at(x, at), vector_at(x, at + 3)
     place, velocity = scale(units[0], r), scale(units[1], v)
     arc = mission.arcs[phase.arc]
     s = point.fraction * x[phase.length]
@@ -110,7 +110,7 @@ def local_gradient(
     up = altitude_gradient(place, environment)
     total, _ = gravity_terms(r, field, r)
     for c in range(3):
-        _, by_r = gravity_terms(r, field, _AXES[c])
+        _, by_r = gravity_terms(r, field, AXES[c])
         for i in range(3):
             gradient[c, i] = by_r[i]
             gradient[c, 3 + i] = 0.0
@@ -132,7 +132,7 @@ def local_gradient(
         a, by_s, by_m, _, _, _ = acceleration_terms(phase, s, x[phase.mass])
         net = a
         if arc.exit_area > 0.0:
-            lost, slope = _pressure_terms(arc, place, environment, atmosphere)
+            lost, slope = pressure_loss_terms(arc, place, environment, atmosphere)
             net -= per * lost
             falling = axpy(-per * lost, u, falling)
             for c in range(3):
@@ -150,25 +150,12 @@ def local_gradient(
 
 
 @kernel
-def _pressure_terms(
-    arc: Record, place: Vector, environment: Record, atmosphere: NDArray[Any]
-) -> tuple[float, float]:
-    """Return the loss of thrust by pressure, N, and its derivative by altitude, N/m."""
-    air = air_at(altitude(place, environment), environment, atmosphere)
-    lost = air.pressure * arc.exit_area
-    return lost, lost * air.pressure_slope
-
-
-@kernel
 def _add_turn(environment: Record, r: Vector, u: Vector, net: float, gradient: Array) -> None:
     """Add the change of a vertical thrust with the position."""
-    stretch = 1.0
-    if environment.altitude_model != ALTITUDE_SPHERICAL:
-        ratio = environment.equatorial_radius / environment.polar_radius
-        stretch = ratio * ratio
+    stretch = vertical_stretch(environment)
     size = norm((r[0], r[1], stretch * r[2]))
     for i in range(3):
         k = (stretch if i == 2 else 1.0) * net / size
-        across = axpy(-u[i], u, _AXES[i])
+        across = axpy(-u[i], u, AXES[i])
         for c in range(3):
             gradient[c, i] += k * across[c]

@@ -159,7 +159,9 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
     """Yield initial steering constants, without known lengths."""
     choices = _ASCENTS if pilot.ascends else _BURNS
-    for angles in _LIFT_OFFS if pilot.plane is not None else choices:
+    if pilot.plane is not None:
+        choices = _LIFT_OFFS
+    for angles in choices:
         constants = np.zeros(CONSTANTS * pilot.count)
         constants[:CONSTANTS] = np.radians(angles)
         yield constants, {}

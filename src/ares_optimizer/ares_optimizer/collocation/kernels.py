@@ -26,7 +26,14 @@ from ares_models.kernels.environment import (
     relative_velocity,
 )
 from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale
-from ares_optimizer.collocation.air import LOCALS, air_motion, local_count, local_gradient
+from ares_optimizer.collocation.air import (
+    AXES,
+    LOCALS,
+    air_motion,
+    local_count,
+    local_gradient,
+    vector_at,
+)
 from ares_optimizer.collocation.arrays import (
     COASTING,
     DYNAMIC_PRESSURE_RULE,
@@ -46,7 +53,6 @@ Array = NDArray[np.float64]
 _STEP = 1e-5
 #: Number of variables of a constraint: position, velocity, thrust direction.
 RULE_LOCALS = 9
-AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Program(NamedTuple):
@@ -75,12 +81,6 @@ class Program(NamedTuple):
     radius: float
     speed: float
     mass: float
-
-
-@kernel
-def vector_at(x: Array, i: int) -> Vector:
-    """Return three variables from ``i`` on."""
-    return (x[i], x[i + 1], x[i + 2])
 
 
 @kernel
@@ -288,6 +288,16 @@ def fill_rules(x: Array, program: Program, mission: MissionRecords, g: Array) ->
 
 
 @kernel
+def fill_derivatives(program: Program, point: Record, values: Array, k: int) -> int:
+    """Write the derivatives of the polynomials in the six defects of a point; return next index."""
+    for _ in range(6):
+        for j in range(program.derivative.shape[1]):
+            values[k] = program.derivative[point.number - 1, j]
+            k += 1
+    return k
+
+
+@kernel
 def fill_air_jacobian(
     x: Array,
     program: Program,
@@ -310,14 +320,10 @@ def fill_air_jacobian(
     """
     point = program.points[i]
     phase = program.phases[point.phase]
-    d = program.derivative.shape[0]
     h = point.width * x[phase.length]
     at = 6 * (point.node + point.number)
     v = vector_at(x, at + 3)
-    for _ in range(6):
-        for j in range(d + 1):
-            values[k] = program.derivative[point.number - 1, j]
-            k += 1
+    k = fill_derivatives(program, point, values, k)
     field = field_in_units(program.oblateness)
     motion = local_gradient(point, phase, mission, units_of(program), field, x, gradient)
     for c in range(3):
@@ -338,7 +344,6 @@ def fill_point_jacobian(
     """Write the entries of the defects of a point; return the next index."""
     point = program.points[i]
     phase = program.phases[point.phase]
-    d = program.derivative.shape[0]
     length = x[phase.length]
     h = point.width * length
     at = 6 * (point.node + point.number)
@@ -350,10 +355,7 @@ def fill_point_jacobian(
         a, by_s, by_m, _, _, _ = acceleration_terms(phase, point.fraction * length, x[phase.mass])
         u = vector_at(x, point.control)
         motion = axpy(a, u, motion)
-    for _ in range(6):
-        for j in range(d + 1):
-            values[k] = program.derivative[point.number - 1, j]
-            k += 1
+    k = fill_derivatives(program, point, values, k)
     for c in range(3):
         _, gradient_q = gravity_terms(r, field, AXES[c])
         values[k] = -h

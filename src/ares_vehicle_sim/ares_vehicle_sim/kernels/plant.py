@@ -20,16 +20,14 @@ from ares_models.arrays import (
 )
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import (
+    air_at,
     drag,
-    dynamic_pressure,
     is_in_air,
     local_vertical,
-    mach_number,
     pressure_loss,
 )
 from ares_models.kernels.environment import (
     altitude,
-    density,
     gravity,
     heating_rate,
     relative_velocity,
@@ -677,8 +675,8 @@ def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     store(truth.position, r)
     store(truth.velocity, v)
     truth.mass = plant.mass
-    store(truth.thrust_direction, load(plant.direction))
     u = load(plant.direction)
+    store(truth.thrust_direction, u)
     arc = mission.arcs[plant.arc]
     thrust, truth.mass_flow = thrust_now(plant, mission.arcs, plant.time)
     if thrust > 0.0:
@@ -689,17 +687,19 @@ def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     truth.axial_acceleration = along / plant.mass
     truth.lateral_acceleration = norm(axpy(-along, u, force)) / plant.mass
     relative = relative_velocity(r, v, environment)
-    truth.dynamic_pressure = dynamic_pressure(r, v, environment, mission.atmosphere)
-    truth.mach = mach_number(r, v, environment, mission.atmosphere)
-    truth.angle_of_attack = 0.0
-    if norm(relative) > SLOW_AIR and truth.dynamic_pressure > 0.0:
-        truth.angle_of_attack = angle_between(u, unit(relative))
+    speed = norm(relative)
     truth.altitude = altitude(r, environment)
-    truth.relative_speed = norm(relative)
+    air = air_at(truth.altitude, environment, mission.atmosphere)
+    truth.density = air.density
+    truth.dynamic_pressure = 0.5 * air.density * speed * speed
+    truth.mach = speed / air.sound
+    truth.angle_of_attack = 0.0
+    if speed > SLOW_AIR and truth.dynamic_pressure > 0.0:
+        truth.angle_of_attack = angle_between(u, unit(relative))
+    truth.relative_speed = speed
     _, _, truth.flight_path_angle, truth.inclination, truth.ascending_node = insertion_quantities(
         r, v
     )
-    truth.density = density(r, environment, mission.atmosphere)
     truth.heating_rate = heating_rate(r, v, environment, mission.atmosphere)
     truth.arc = plant.arc
     truth.jettisoned = plant.jettisoned
