@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 
 from ares_bags.reader import open_bag
@@ -334,8 +335,10 @@ def test_a_mission_that_is_gone_is_one_line(tmp_path, capfd):
     bag = tmp_path / "flight"
     shutil.copytree(REFERENCE, bag)
     file, page = bag / "reference_0.mcap", bag / "metadata.yaml"
-    file.write_bytes(file.read_bytes().replace(b"ares_v", b"ares_w"))
-    page.write_text(page.read_text().replace("ares_v", "ares_w"))
+    # the bag does not hold its mission either
+    for path in (file, page):
+        data = path.read_bytes().replace(b"ares_v", b"ares_w")
+        path.write_bytes(data.replace(b"mission_text", b"mission_none"))
     assert "ares_w" in refused(capfd, bag)
 
 
@@ -367,7 +370,10 @@ def test_a_damaged_bag_is_no_success(tmp_path, capfd):
     shutil.copytree(REFERENCE, bag)
     file = bag / "reference_0.mcap"
     data = bytearray(file.read_bytes())
-    data[len(data) // 3] ^= 0xFF
+    with file.open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    damaged = chunks[len(chunks) // 3]
+    data[damaged.chunk_start_offset + damaged.chunk_length // 2] ^= 0xFF
     file.write_bytes(data)
     status, _, _ = run(capfd, bag)
     assert status == 0

@@ -13,8 +13,8 @@ $FAKE_<NAME> sets the node's behaviour:
     miss     (simulator) ends far from the target
 
 The simulator ends the flight only after the others have reached their faults, however slow the
-machine: each writes its process id to a file of its name in $FAKE_MARKS; one that kills itself
-must be dead as well.
+machine: each writes its process id to a file of its name in $FAKE_MARKS; one that kills
+or ends itself must be dead as well.
 """
 
 import math
@@ -31,6 +31,8 @@ from ares_node.qos import EVENTS, FLIGHT, FLIGHT_EVENT, GUIDANCE_STATUS
 from ares_node.run import run_node
 from ares_node.time import stamp_from_seconds
 
+#: Behaviours that end a node.
+ENDINGS = ("kill", "exit1")
 RADIUS = 6.6e6
 SPEED = 7700.0
 #: Steps of 0.02 s of the flight: it begins, faults happen, it ends.
@@ -175,7 +177,7 @@ def marks() -> Path:
 def others_came_to_their_faults() -> bool:
     """Tell whether guidance and recorder have reached their faults."""
     return all(
-        is_dead(name) if os.environ.get(f"FAKE_{name.upper()}") == "kill" else mark(name)
+        is_dead(name) if os.environ.get(f"FAKE_{name.upper()}") in ENDINGS else mark(name)
         for name in ("guidance", "recorder")
     )
 
@@ -187,7 +189,7 @@ def mark(name: str) -> str:
 
 
 def is_dead(name: str) -> bool:
-    """Tell whether a node has killed itself, even if its parent has not yet reaped it."""
+    """Tell whether a node has ended itself, even if its parent has not yet reaped it."""
     if not (pid := mark(name)):
         return False
     try:

@@ -142,6 +142,10 @@ class EnvironmentPart(Part):
     )
 
 
+#: Least difference of the Mach numbers of two knots.
+MIN_MACH_STEP = 1e-3
+
+
 class AerodynamicsPart(Part):
     """Hold the drag of a vehicle."""
 
@@ -155,9 +159,10 @@ class AerodynamicsPart(Part):
     def _rising(self) -> "AerodynamicsPart":
         for k in range(1, len(self.drag_table)):
             before, now = self.drag_table[k - 1][0], self.drag_table[k][0]
-            if not now > before:
+            if not now >= before + MIN_MACH_STEP:
                 knot = list(self.drag_table[k])
-                fail(("drag_table", k), knot, f"a Mach number greater than {before:g}")
+                expected = f"a Mach number of at least {before + MIN_MACH_STEP:g}"
+                fail(("drag_table", k), knot, expected)
         return self
 
 

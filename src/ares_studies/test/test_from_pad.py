@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights from the pad: the plant, the optimum, the programme and the hand-over."""
 
 import math
@@ -257,3 +258,9 @@ def test_a_booster_that_outlasts_its_stage_is_refused():
     burnt = 90.0 * 800000.0 / (9.80665 * 312.0) + 900.0
     flow = np.trapezoid(row["start_flow"][:2], row["start_time"][:2]) * row["mass_flow"]
     assert flow == pytest.approx(burnt, rel=1e-9)
+
+
+def test_knots_of_the_drag_table_apart_by_nothing_are_refused():
+    text = SMALL.format(thrust=800000.0).replace("[0.8, 0.35]", "[1e-320, 0.35]")
+    with pytest.raises(MissionError, match=r"drag_table\[1\].*a Mach number of at least 0.001"):
+        parse_mission(text, "small.yaml")
