@@ -32,7 +32,7 @@ CHEMICAL_ACCELERATION = 0.1
 FIERCEST = 500.0
 #: Longest burn of a chemical engine, s.
 LONGEST_BURN = 86_400.0
-#: Largest dynamic pressure at the start, Pa; launchers have at most 50 kPa, and there is no drag.
+#: Largest dynamic pressure at the start, Pa; launchers have at most 50 kPa.
 MOST_PRESSURE = 1.5e5
 #: Least speed, m/s, of a start above an altitude, m.
 SLOWEST, SLOWEST_FROM = 20.0, 1e4
@@ -117,10 +117,11 @@ def _start(mission: "Mission") -> Iterator[Doubt]:
     altitude = radius - surface
     relative = start.velocity - np.cross([0.0, 0.0, earth.rotation_rate], start.position)
     pressure = 0.5 * _density(mission, altitude) * float(relative @ relative)
+    dragless = "" if mission.aerodynamics else " There is no drag here"
     if pressure > MOST_PRESSURE:
         yield Doubt(
             ("initial_state", form.PLACE),
-            f"makes a dynamic pressure of {pressure:,.0f} Pa; is it in m? There is no drag here",
+            f"makes a dynamic pressure of {pressure:,.0f} Pa; is it in m?{dragless}",
         )
     if speed < SLOWEST and altitude > SLOWEST_FROM:
         yield Doubt(("initial_state", form.MOTION), f"makes {speed:.3g} m/s; is it in m/s?")

@@ -16,6 +16,8 @@ from ares_optimizer.proof.physics import air_force, gravity
 from ares_optimizer.solution import Check, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import arc_plan, fly_stepwise, offline_trajectory
+from ares_studies.flight_page.data import make_flight
+from ares_studies.flight_page.optimum import record_optimum
 from ares_vehicle_sim.simulator import Simulator
 
 pytestmark = pytest.mark.long
@@ -209,6 +211,25 @@ def test_state_shows_what_the_air_does(limited):
     assert 0.0 < state["angle_of_attack"] < math.radians(15.0)
     assert state["axial_acceleration"] < state["thrust"] / state["mass"]
     assert state["lateral_acceleration"] < 0.1 * state["axial_acceleration"]
+
+
+def test_the_budget_of_a_flight_counts_what_the_air_takes(limited):
+    mission, solution = limited
+    budget = make_flight(record_optimum("optimum", mission, solution)).budget
+    assert budget.open_m_s == pytest.approx(0.0, abs=0.5)
+    # the rocket equation in vacuum
+    assert budget.ideal_m_s == pytest.approx(solution.delta_v_m_s, rel=2e-3)
+    track, arrays = solution.trajectory, mission.arrays()
+    arcs = np.searchsorted([arc.end_s for arc in solution.flown[:-1]], track.time_s)
+    drags = [
+        air_force(r, v, 0.0, u, arrays.arcs[k], arrays) @ v / (np.linalg.norm(v) * m)
+        for r, v, u, k, m in zip(
+            track.position, track.velocity, track.direction, arcs, track.mass, strict=True
+        )
+    ]
+    assert budget.drag_m_s == pytest.approx(-np.trapezoid(drags, track.time_s), rel=0.02)
+    assert 20.0 < budget.drag_m_s < 400.0
+    assert 20.0 < budget.pressure_m_s < 400.0
 
 
 def test_a_rocket_too_heavy_for_its_pad_is_refused():

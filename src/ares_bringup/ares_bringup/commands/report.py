@@ -276,8 +276,8 @@ _BUDGET = (
     ("ideal", "ideal_m_s", "integral of the thrust acceleration"),
     ("gravity", "gravity_m_s", "its pull against the velocity"),
     ("steering", "steering_m_s", "thrust beside the velocity"),
-    ("drag", "drag_m_s", "the model has no air forces"),
-    ("pressure", "pressure_m_s", "the thrust is that in vacuum"),
+    ("drag", "drag_m_s", "the air against the velocity"),
+    ("pressure", "pressure_m_s", "of the air on the nozzles"),
     ("gained", "gained_m_s", "inertial speed at the end minus that at the begin"),
 )
 
