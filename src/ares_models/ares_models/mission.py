@@ -401,7 +401,7 @@ class Mission(Part):
                 row = np.zeros(1, layout.ARC)
                 row["stage"] = i
                 row["duration"] = arc.duration_s
-                row["shortest"] = shortest(arc)
+                row["shortest"] = max(shortest(arc), self._until_drops(i, k))
                 row["longest"] = arc.max_s or arc.duration_s
                 low = arc.min_altitude_m
                 row["min_altitude"] = -math.inf if low is None else low
@@ -422,6 +422,23 @@ class Mission(Part):
                     if arc.engine_out:
                         rows.append(_lose_engines(rows[-1], arc.engine_out, foreseen))
         return np.concatenate(rows)
+
+    def _until_drops(self, i: int, k: int) -> float:
+        """Return how long arc ``k`` of stage ``i`` lasts until the drops within it, s.
+
+        A free arc before the last one of the flight lasts until what is to drop within it by the
+        clock has dropped.
+        """
+        stage = self.stages[i]
+        before, free = stage.first_free_arc
+        if k != free or (i, k) == (len(self.stages) - 1, len(stage.flight_arcs) - 1):
+            return 0.0
+        after = [
+            jettison.time_after_ignition_s or 0.0
+            for jettison in self.jettisons
+            if jettison.stage == stage.name
+        ]
+        return max(after, default=0.0) - before
 
     def _write_air(self, stage: Stage, row: NDArray[np.void]) -> None:
         row["max_dynamic_pressure"] = stage.max_dynamic_pressure_pa or math.inf

@@ -151,7 +151,7 @@ def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | N
 #: Keys of a burn that a thrust table excludes.
 _NO_TABLE = (
     *("thrust_n", "burn_time_s", "min_s", "max_s", "max_acceleration_m_s2", "min_throttle"),
-    *("start", "tail_off", "engine_out", "vertical_rise_s"),
+    *("start", "tail_off", "engine_out"),
 )
 #: Required keys of a burn, in one of these forms.
 BURN_FORMS = (
@@ -240,6 +240,7 @@ class BurnArc(Part):
         """
         if self.thrust_table is not None:
             self._check_table(self.thrust_table)
+            self._check_vertical()
             return
         if self.mass_flow_table is not None:
             flow = list(self.mass_flow_table)

@@ -178,31 +178,80 @@ def part_row(core: Row, part: BurnPart, last: bool, g0: float) -> Row:
     row["shortest"] = max(0.0, float(row["shortest"][0]))
     if not last:
         row["tail_knots"] = row["tail_gain"] = 0
-    if part.lit:
-        _add_boosters(row, part, g0)
+    if part.lit or (core["tabled"] and row["duration"] < core["duration"]):
+        _add_up(row, core, part, g0)
     return row
 
 
-def _add_boosters(row: Row, part: BurnPart, g0: float) -> None:
-    """Add the thrust, mass flow and exit area of the boosters to an arc."""
-    thrusts = [booster.thrust(g0) for booster in part.lit]
-    inner = np.concatenate([times for times, _ in thrusts])
-    inner = inner[(inner > part.begin + SAME_EVENT) & (inner < part.end - SAME_EVENT)]
-    times = np.unique(np.concatenate(([part.begin, part.end], inner)))
-    force = np.full(times.size, float(row["thrust"][0]))
-    flow = np.full(times.size, float(row["mass_flow"][0]))
-    for booster, (knots, newtons) in zip(part.lit, thrusts, strict=True):
-        own = np.interp(times, knots, newtons)
-        force += own
-        flow += own * booster.flow_per_thrust(g0)
+class _Curve(NamedTuple):
+    """Hold thrust and mass flow of what burns, straight between knots, perhaps with jumps.
+
+    Attributes:
+        time: of the knots, s after the ignition of the stage; two at one time are a jump.
+        thrust: N.
+        flow: kg/s.
+    """
+
+    time: Array
+    thrust: Array
+    flow: Array
+
+    def just_after(self, times: Array) -> tuple[Array, Array]:
+        """Return thrust and mass flow just after some times, N and kg/s."""
+        return self._between(np.searchsorted(self.time, times, side="right"), times)
+
+    def just_before(self, times: Array) -> tuple[Array, Array]:
+        """Return thrust and mass flow just before some times, N and kg/s."""
+        return self._between(np.searchsorted(self.time, times, side="left"), times)
+
+    def _between(self, upper: NDArray[np.intp], times: Array) -> tuple[Array, Array]:
+        j = np.clip(upper, 1, self.time.size - 1)
+        i = j - 1
+        part = np.clip((times - self.time[i]) / (self.time[j] - self.time[i]), 0.0, 1.0)
+        return (
+            self.thrust[i] + part * (self.thrust[j] - self.thrust[i]),
+            self.flow[i] + part * (self.flow[j] - self.flow[i]),
+        )
+
+
+def _core_curve(core: Row, part: BurnPart) -> _Curve:
+    """Return thrust and mass flow of a burn without boosters, over one of its parts."""
+    thrust, flow = float(core["thrust"][0]), float(core["mass_flow"][0])
+    if not core["tabled"]:
+        return _Curve(np.array([part.begin, part.end]), np.full(2, thrust), np.full(2, flow))
+    knots = int(core["start_knots"][0])
+    return _Curve(
+        core["start_time"][0, :knots],
+        thrust * core["start_fraction"][0, :knots],
+        flow * core["start_flow"][0, :knots],
+    )
+
+
+def _add_up(row: Row, core: Row, part: BurnPart, g0: float) -> None:
+    """Write the thrust, mass flow and exit area of all that burns in a part to its arc."""
+    curves = [_core_curve(core, part)]
+    for booster in part.lit:
+        times, newtons = booster.thrust(g0)
+        curves.append(_Curve(times, newtons, newtons * booster.flow_per_thrust(g0)))
         row["exit_area"] += booster.count * (booster.exit_area_m2 or 0.0)
+    inner = np.unique(np.concatenate([curve.time for curve in curves]))
+    inner = inner[(inner > part.begin + SAME_EVENT) & (inner < part.end - SAME_EVENT)]
+    begins, ends = np.append(part.begin, inner), np.append(inner, part.end)
+    after = np.sum([curve.just_after(begins) for curve in curves], axis=0)
+    before = np.sum([curve.just_before(ends) for curve in curves], axis=0)
+    # both sides of each interval; a knot that is no jump stands there twice
+    times = np.ravel(np.column_stack((begins, ends)))
+    force, flow = (np.ravel(np.column_stack(sides)) for sides in zip(after, before, strict=True))
+    once = np.ones(times.size, bool)
+    once[2::2] = (force[2::2] != force[1:-1:2]) | (flow[2::2] != flow[1:-1:2])
+    times, force, flow = times[once], force[once], flow[once]
     impulse, mass = np.trapezoid(force, times), np.trapezoid(flow, times)
     row["thrust"] = force.max()
     row["exhaust_velocity"] = impulse / mass
     row["mass_flow"] = row["thrust"] / row["exhaust_velocity"]
-    if np.ptp(force) == 0.0:
+    row["tabled"] = np.ptp(force) > 0.0
+    if not row["tabled"]:
         return
-    row["tabled"] = 1
     row["start_knots"] = times.size
     row["start_time"][0, : times.size] = times - part.begin
     row["start_fraction"][0, : times.size] = force / row["thrust"]
@@ -225,11 +274,12 @@ def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float)
     if not boosters:
         return
     burn = stage.burns[0]
-    for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2", "thrust_table"):
+    for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2"):
         if getattr(burn, key) is not None:
             expected = "no such key in a burn beside boosters"
             fail((*stage_path, key), getattr(burn, key), expected)
-    knots = 2 + sum(len(booster.thrust_table or ()) for booster in boosters)
+    knots = 2 + len(burn.thrust_table or ()) + len(burn.mass_flow_table or ())
+    knots += sum(len(booster.thrust_table or ()) for booster in boosters)
     if knots > MAX_KNOTS:
         fail((*stage_path, "boosters"), knots, f"at most {MAX_KNOTS} knots in all thrust tables")
     for i, booster in enumerate(boosters):

@@ -157,7 +157,7 @@ def _check_jettison_times(mission: "Mission") -> None:
 
 
 def _check_jettison_before_free_arcs(mission: "Mission") -> None:
-    """Report a drop by the clock that could come after the end of a free arc."""
+    """Report a drop by the clock that comes after the longest of its stage's first free arc."""
     for k, jettison in enumerate(mission.jettisons):
         path = ("jettisons", k)
         if jettison.time_s is not None:
@@ -167,23 +167,17 @@ def _check_jettison_before_free_arcs(mission: "Mission") -> None:
         if after is None:
             continue
         stage = mission.stages[mission.stage_names.index(jettison.stage)]
-        room = _fixed_time_after_ignition(stage)
+        room = _time_to_end_of_free_arc(stage)
         if after > room:
             expected = f"at most {room:g} s, before an arc of stage {stage.name} ends that is free"
             fail((*path, "time_after_ignition_s"), after, expected)
 
 
-def _fixed_time_after_ignition(stage: Stage) -> float:
-    """Return the time from a stage's first ignition to the earliest end of a free arc, s."""
-    room = 0.0
-    lit = False
-    for arc in stage.flight_arcs:
-        lit = lit or isinstance(arc, BurnArc)
-        if lit:
-            room += shortest(arc)
-            if arc.free:
-                return room
-    return math.inf
+def _time_to_end_of_free_arc(stage: Stage) -> float:
+    """Return the longest time from a stage's ignition to the end of its first free arc, s."""
+    before, k = stage.first_free_arc
+    longest = None if k is None else stage.flight_arcs[k].max_s
+    return math.inf if longest is None else before + longest
 
 
 def _check_heating_limits(mission: "Mission") -> None:

@@ -320,6 +320,21 @@ class Stage(Part):
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
 
     @property
+    def first_free_arc(self) -> tuple[float, int | None]:
+        """Return the first free arc from the first ignition on; None: none is free.
+
+        The other value is the time from that ignition to its begin, s.
+        """
+        before = 0.0
+        lit = False
+        for k, arc in enumerate(self.flight_arcs):
+            lit = lit or isinstance(arc, BurnArc)
+            if lit and arc.free:
+                return before, k
+            before += arc.duration_s if lit else 0.0
+        return before, None
+
+    @property
     def booster_propellant_kg(self) -> float:
         """Return the propellant of all boosters."""
         return sum(booster.count * booster.propellant_kg for booster in self.boosters)

@@ -14,6 +14,7 @@ from ares_models.arrays import (
     NAMES_INCLINATION,
     NAMES_RADIUS,
     TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     MissionArrays,
 )
@@ -66,6 +67,13 @@ _NEEDLESS = 0.01
 _APOGEE = 0.98
 #: Ratio of apogee to perigee from which a coast to apogee is tried.
 _HIGH = 1.05
+#: The same, from which the way by a circle is the likelier one.
+_HIGH_UP = 1.5
+#: Groups of a flight with one burn after its ascent; perigees above and below a parking orbit at
+#: which a circle is flown, m.
+_TWO = 2
+_LOW_M = 3e5
+_LOWER_M = 5e4
 
 
 def _first_crossing(track: Array, above: Array, default: float) -> float:
@@ -82,7 +90,10 @@ def _first_crossing(track: Array, above: Array, default: float) -> float:
 
 
 def trials(
-    arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
+    arrays: MissionArrays,
+    start: NDArray[np.void],
+    floors: tuple[Floor, ...],
+    vary_coasts: bool = False,
 ) -> Iterator[TrialFlight]:
     """Fly first guesses of a search, the likeliest first.
 
@@ -90,6 +101,7 @@ def trials(
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
         floors: of the arcs.
+        vary_coasts: fit the lengths of the coasts too, from those of the choice.
     """
     pilot = Pilot(arrays, start, floors)
     coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
@@ -104,7 +116,7 @@ def trials(
             if times is None or key in tried:
                 continue
             tried.add(key)
-            trial, there = pilot.aim(times, constants)
+            trial, there = pilot.aim(times, constants, vary_coasts)
             if math.isfinite(trial.miss):
                 found.append((trial, there, begin))
         found.sort(key=lambda one: one[0].miss)
@@ -167,12 +179,37 @@ def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
         yield constants, {}
 
 
-def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
-    """Fit the first group to a low orbit, if a free burn ends it and a group follows.
+def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
+    """Yield the missions of the first group alone, to orbits from which the target is reached.
+
+    They are a circle and the ellipse from its radius to the target's apogee. If one burn alone
+    follows the ascent, the circle is at the target's perigee, and only if that is low. Nothing is
+    yielded unless a free burn ends the group and another group follows.
 
     Args:
-        pilot: of the mission.
-        apogee: apogee radius of that orbit, m; inf: with the energy of the target.
+        pilot: of the whole mission.
+    """
+    apogee, parking = _target_apogee(pilot.arrays), pilot.parking_m
+    perigee = _target_perigee(pilot.arrays)
+    ways = [(parking, pilot.apogee_m), (parking, apogee)]
+    if pilot.count == _TWO and pilot.apogee_m == parking:
+        low = parking - _LOWER_M < perigee < parking + _LOW_M
+        ways = [(perigee, perigee)] * low + [(parking, apogee)] * (apogee > perigee or not low)
+        if apogee < _HIGH_UP * parking:
+            ways.reverse()
+    for radius, highest in dict.fromkeys(ways):
+        alone = _first_group(pilot, radius, highest)
+        if alone is not None:
+            yield alone
+
+
+def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | None:
+    """Return the mission of the first group alone, to the perigee of an orbit.
+
+    Args:
+        pilot: of the whole mission.
+        radius: of the perigee, m.
+        apogee: radius, m; inf: with the energy of the target.
     """
     arrays, start = pilot.arrays, pilot.start
     arcs = arrays.arcs
@@ -181,8 +218,7 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     last = max(k for k in members if arcs[k]["kind"] == BURN)
     if pilot.count == 1 or not pilot.ascends or not math.isinf(arcs[last]["duration"]):
         return None
-    environment = arrays.environment[0]
-    radius, mu = pilot.parking_m, float(environment["mu"])
+    mu = float(arrays.environment[0]["mu"])
     r, v = start["position"][0], start["velocity"][0]
     h = np.cross(r, v)
     target = arrays.target.copy()
@@ -193,14 +229,33 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     target["flight_path_angle"] = 0.0
     plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
     target["inclination"] = math.acos(float(plane[2]))
-    alone = arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
+    return arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
+
+
+def without_speed(alone: MissionArrays) -> MissionArrays:
+    """Return the mission of a first group with free speed at its end."""
+    target = alone.target.copy()
+    target["kind"] = TARGET_ELEMENTS
+    target["named"] = NAMES_RADIUS | NAMES_FLIGHT_PATH_ANGLE | NAMES_INCLINATION
+    return alone._replace(target=target)
+
+
+def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
+    """Fit the first group to a low orbit, if a free burn ends it and a group follows.
+
+    Args:
+        pilot: of the mission.
+        apogee: apogee radius of that orbit, m; inf: with the energy of the target.
+    """
+    alone, start = _first_group(pilot, pilot.parking_m, apogee), pilot.start
+    if alone is None:
+        return None
+    last = len(alone.arcs) - 1
     best = _aimed(alone, start)
     needless = _NEEDLESS * pilot.longest(last)
     if best is not None and best[0].times.cutoff < needless + _last_begin(alone, start, best[0]):
         # the burns of fixed length suffice: leave the speed free
-        target["kind"] = TARGET_ELEMENTS
-        target["named"] = NAMES_RADIUS | NAMES_FLIGHT_PATH_ANGLE | NAMES_INCLINATION
-        best = _aimed(alone, start, needless) or best
+        best = _aimed(without_speed(alone), start, needless) or best
     if best is None:
         return None
     trial, constants = best
@@ -299,6 +354,16 @@ def _target_apogee(arrays: MissionArrays) -> float:
         return float(target["apogee_radius"])
     energy = target_energy(arrays)
     return -mu / energy if energy < 0.0 else math.inf
+
+
+def _target_perigee(arrays: MissionArrays) -> float:
+    """Return the perigee radius of the target, m; nan: not named."""
+    target = arrays.target[0]
+    if target["kind"] == TARGET_ELEMENTS:
+        return float(target["perigee_radius"])
+    if target["kind"] == TARGET_KEPLERIAN:
+        return float(target["semi_major_axis"] * (1.0 - target["eccentricity"]))
+    return float(target["radius"])
 
 
 def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Array) -> Array:

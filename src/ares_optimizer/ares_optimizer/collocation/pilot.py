@@ -66,11 +66,13 @@ class TrialFlight:
         times: its free times.
         track: shape (n, TRACK_COLUMNS), of :mod:`rollout`.
         miss: norm of the errors against target and floors, without unit.
+        limited: it keeps the pressure limits.
     """
 
     times: FreeTimes
     track: Array
     miss: float
+    limited: bool = False
 
 
 class Pilot:
@@ -202,22 +204,29 @@ class Pilot:
         return self._track[:rows]
 
     def with_drops(self, times: FreeTimes, track: Array) -> FreeTimes:
-        """Return the times with drops where the heating on a track first meets its limit."""
+        """Return the times with drops where the heating on a track first meets its limit.
+
+        From the pad, where there is none at first, that is after its peak in the ascent.
+        """
         arcs = self.arrays.arcs
         drops = []
+        past = np.ones(len(track), bool)
+        if self.plane is not None:
+            heating = track[:, rollout.LOG_HEATING]
+            ascent = self.groups[track[:, rollout.ARC].astype(np.int64)] == 0
+            past[: int(np.argmax(np.where(ascent, heating, -math.inf)))] = False
         for j in self._waiting:
             jettison = self.arrays.jettisons[j]
             index = track[:, rollout.ARC].astype(np.int64)
             lit = (arcs["stage"][index] == jettison["stage"]) & (arcs["kind"][index] == BURN)
             later = arcs["stage"][index] > jettison["stage"]
-            allowed = (np.maximum.accumulate(lit | later)) & (
-                track[:, rollout.LOG_HEATING] < math.log(float(jettison["value"]))
-            )
+            cool = past & (track[:, rollout.LOG_HEATING] < math.log(float(jettison["value"])))
+            allowed = np.maximum.accumulate(lit | later) & cool
             at = int(np.argmax(allowed)) if allowed.any() else len(track) - 1
             drops.append(float(track[at, rollout.TIME]))
-        return times._replace(drops=self._inside(times, np.array(drops)))
+        return times._replace(drops=self.inside(times, np.array(drops)))
 
-    def _inside(self, times: FreeTimes, drops: Array) -> Array:
+    def inside(self, times: FreeTimes, drops: Array) -> Array:
         """Move drops a little off the begins of arcs, and before the cut-off."""
         begins = self.begins(times.lengths, 0.0)[:-1]
         for i, drop in enumerate(drops):

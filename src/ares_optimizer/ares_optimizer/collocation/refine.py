@@ -56,8 +56,10 @@ _CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_
 #: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
-#: Factor on these in the air, where the direction is interpolated; the target is judged apart.
+#: Factors on these in the air, where the direction is interpolated, and where a pressure limit
+#: acts, at whose ends the direction jumps within an interval; the target is judged apart.
 _LOOSER = 10.0
+_LOOSER_LIMITED = 30.0
 #: Angle between thrust and primer beyond which the primer does not steer, rad.
 _ASIDE = 1e-2
 #: Thrust, relative to the greatest of a phase, at which the direction is not compared.
@@ -197,7 +199,9 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     held = Heating.IGNORED if request.heating is Heating.IGNORED else Heating.AT_JETTISON
     checks = constraint_table(planned, search.start[0], flight, held)
     off = flight.final[:6] - adjoint.state[-1]
-    loose = _LOOSER if program.phases["in_air"].any() else 1.0
+    loose = 1.0
+    if program.phases["in_air"].any():
+        loose = _LOOSER_LIMITED if acting_limits(found) else _LOOSER
     exact = bool(
         np.linalg.norm(off[:3]) < loose * _END_M and np.linalg.norm(off[3:]) < loose * _END_M_S
     )

@@ -253,7 +253,8 @@ def verdict_of(
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")
     if propellant < _NOTHING_KG:
         return Cause(Status.CONVERGED, next_to_nothing(propellant))
-    if search.starts > 1 and search.again < _LEAST_MET:
+    # on fine intervals floors and limits hold between the coarse ones too, and the mass is less
+    if search.starts > 1 and search.led_to(proven.found.m_f_kg) < _LEAST_MET:
         return Cause(
             Status.FEASIBLE,
             f"only one of {search.starts} first guesses led here: there may be a better flight",

@@ -11,7 +11,7 @@ from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
 from ares_models.kernels.environment import altitude, gravity, log_heating_gradient
-from ares_models.kernels.vectors import Vector, add, axpy, cross, load, scale, unit
+from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
 from ares_optimizer.kernels.timetable import (
     Times,
     fill_timetable,
@@ -79,10 +79,11 @@ def thrust_direction(law: Array, t: float, r: Vector, v: Vector) -> Vector:
 def acceleration(
     segment: Record, law: Array, mission: MissionRecords, t: float, r: Vector, v: Vector
 ) -> Vector:
-    """Return the acceleration by gravity, thrust and air, m/s2."""
+    """Return the acceleration, m/s2; below ground gravity and air are those of the ground."""
     environment = mission.environment
     arc = mission.arcs[segment.arc]
     per = 1.0 / segment_mass(segment, t)
+    r = scale(max(1.0, environment.polar_radius / max(norm(r), 1.0)), r)
     a = gravity(r, environment)
     if arc.drag_area > 0.0:
         a = axpy(per, drag(arc, r, v, environment, mission.atmosphere), a)
@@ -145,9 +146,9 @@ def fly_track(
                 track[rows, POSITION + c] = r[c]
                 track[rows, VELOCITY + c] = v[c]
                 track[rows, DIRECTION + c] = u[c]
-            track[rows, LOG_HEATING] = log_heating_gradient(r, v, environment, mission.atmosphere)[
-                0
-            ]
+            above = scale(max(1.0, environment.polar_radius / max(norm(r), 1.0)), r)
+            heating, _, _ = log_heating_gradient(above, v, environment, mission.atmosphere)
+            track[rows, LOG_HEATING] = heating
             track[rows, ALTITUDE] = altitude(r, environment)
             track[rows, ARC] = segment.arc
             rows += 1

@@ -51,6 +51,7 @@ _SAME_ARC_S = 1.0
 _ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
+_LEAST_IN_AIR = 4
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
@@ -72,6 +73,14 @@ _SAGS = 1e3
 #: Initial barrier parameter near a solution.
 _NEAR = 1e-4
 _CORNER = 1e-6
+#: The same from a guess whose ascent is solved.
+_BESIDE = 1e-3
+#: Share and time by which free coasts and burns change at once, most such steps, and the distance,
+#: in the program's unit of time, from which one is held by them.
+_CREEP = 0.3
+_CREEP_S = 20.0
+_MOST_CREEPS = 8
+_HELD = 1e-6
 #: Factors on the limits of dynamic pressure and q alpha, one after the other.
 _LIMIT_STEPS = (30.0, 2.0, 1.0)
 
@@ -137,9 +146,11 @@ class Search:
     @property
     def again(self) -> int:
         """Count the starts that led to the mass of the best solution."""
-        if not self.optima:
-            return 0
-        least = (1.0 - SAME_MASS) * self.optima[0].found.m_f_kg
+        return self.led_to(self.optima[0].found.m_f_kg) if self.optima else 0
+
+    def led_to(self, mass_kg: float) -> int:
+        """Count the starts that led to a mass or more."""
+        least = (1.0 - SAME_MASS) * mass_kg
         return sum(optimum.met for optimum in self.optima if optimum.found.m_f_kg >= least)
 
     @property
@@ -147,11 +158,13 @@ class Search:
         """Return true if enough starts led to the best solution.
 
         A free coast may have several local optima: all starts are tried, unless the first ones,
-        which cover the lengths, led to a single one.
+        which cover the lengths, led to a single one. From the pad fewer are tried.
         """
-        enough = _ENOUGH_IN_AIR if flies_in_air(self.arrays.arcs) else _ENOUGH
-        if self.again < enough:
+        in_air = flies_in_air(self.arrays.arcs)
+        if self.again < (_ENOUGH_IN_AIR if in_air else _ENOUGH):
             return False
+        if in_air and self.starts >= _LEAST_IN_AIR:
+            return True
         free = free_arcs(self.arrays, self.start[0])
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
         if not coasts:
@@ -208,7 +221,7 @@ class Search:
         except ValueError:
             self._unproven = True
             return None
-        point = self._first_point(program, guess_of(program, trial))
+        point = self._first_point(program, trial)
         if not point.solved:
             if point.status == LOCALLY_INFEASIBLE:
                 self._violations.append((point.violation, worst_row(program, point)))
@@ -227,16 +240,49 @@ class Search:
             found = better
         return found
 
-    def _first_point(self, program: CollocationProgram, guess: Array) -> StoppingPoint:
+    def _first_point(self, program: CollocationProgram, trial: TrialFlight) -> StoppingPoint:
         """Solve a program from a first guess; pressure limits are narrowed in steps."""
-        x, mu = guess, None
-        for factor in _LIMIT_STEPS if program.limit_rows else (1.0,):
+        x, mu = guess_of(program, trial), _BESIDE if trial.limited else None
+        for factor in _LIMIT_STEPS if program.limit_rows and not trial.limited else (1.0,):
             program.scale_limits(dict.fromkeys(program.limit_rows, factor))
-            point = solve_program(program, x, self.request.deadline, mu=mu, most=_MOST_FIRST)
-            self.iterations += point.iterations
+            point = self._creep(program, x, mu)
             if not point.solved:
                 break
             x, mu = point.x, _CORNER
+        return point
+
+    def _creep(self, program: CollocationProgram, x: Array, mu: float | None) -> StoppingPoint:
+        """Solve a program; from the pad in steps that change free coasts and burns by a share.
+
+        Without that, steps of hundreds of seconds of coast lead far from a good guess.
+        """
+        lower, upper = program.lower.copy(), program.upper.copy()
+        lengths = program.lengths[lower[program.lengths] < upper[program.lengths]]
+        free = free_arcs(self.arrays, self.start[0])
+        coasts = any(self.arrays.arcs[k]["kind"] == COAST for k in free)
+        for _ in range(_MOST_CREEPS if coasts and program.phases["in_air"].any() else 0):
+            most = _CREEP * x[lengths] + _CREEP_S / program.time
+            program.lower[lengths] = np.maximum(lower[lengths], x[lengths] - most)
+            program.upper[lengths] = np.minimum(upper[lengths], x[lengths] + most)
+            point = self._solved_program(program, x, mu)
+            if not point.solved and mu == _CORNER:
+                # the barrier of a corner may be too sharp
+                point = self._solved_program(program, x, None)
+            held = np.abs(point.x[lengths] - x[lengths]) > most - _HELD
+            program.lower[:], program.upper[:] = lower, upper
+            if not point.solved:
+                return point
+            if not held.any():
+                return point
+            x, mu = point.x, _CORNER
+        return self._solved_program(program, x, mu)
+
+    def _solved_program(
+        self, program: CollocationProgram, x: Array, mu: float | None
+    ) -> StoppingPoint:
+        """Solve a program and count the iterations."""
+        point = solve_program(program, x, self.request.deadline, mu=mu, most=_MOST_FIRST)
+        self.iterations += point.iterations
         return point
 
     def _dips_below_floor(self, found: FoundOptimum) -> bool:
@@ -264,10 +310,7 @@ class Search:
             except ValueError:
                 continue
             guess = finer_guess(program, found.program, found.point.x)
-            point = solve_program(
-                program, guess, self.request.deadline, mu=_CORNER, most=_MOST_FIRST
-            )
-            self.iterations += point.iterations
+            point = self._solved_program(program, guess, _CORNER)
             if point.solved and mass_of(program, point) > found.m_f_kg * (1.0 + _GAINED):
                 return FoundOptimum(program, point, mass_of(program, point))
         return None

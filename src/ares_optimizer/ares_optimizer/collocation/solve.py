@@ -3,11 +3,12 @@
 
 import time
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 
 from ares_models.arrays import HEATING_LIMIT, TIME_AFTER_IGNITION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.plans import flies_in_air
+from ares_optimizer.collocation.ascents import trials_by_parking
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
@@ -45,7 +46,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         request = replace(request, verify=True)
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
-    for trial in islice(trials(arrays, start, floors), _MOST_STARTS):
+    first_guesses = chain(trials_by_parking(search), trials(arrays, start, floors))
+    for trial in islice(first_guesses, _MOST_STARTS):
         if request.deadline.passed or search.is_conclusive:
             break
         search.try_start(trial)

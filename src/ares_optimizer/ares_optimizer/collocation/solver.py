@@ -99,6 +99,10 @@ def solve_program(
         return not deadline.passed and iterate[4] < _DIVERGED
 
     chosen = _OPTIONS | {"max_iter": most}
+    if program.phases["in_air"].any():
+        # the mass at the end is a small share of that on the pad
+        last = program.arrays.arcs[program.segments["arc"][-1]]
+        chosen |= {"obj_scaling_factor": program.mass / float(last["stack_mass"])}
     if mu is not None:
         chosen |= {"mu_init": mu, "mu_strategy": "monotone"}
     if isinstance(guess, StoppingPoint):
