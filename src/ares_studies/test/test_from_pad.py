@@ -24,6 +24,15 @@ pytestmark = pytest.mark.long
 
 #: Published optimum: Benson (2005), and the examples of GPOPS, yapss and Dymos.
 PUBLISHED_KG, PUBLISHED_S = 7529.712287, 924.139203
+#: Real launchers with the mass that each plan leaves, as found here.
+LAUNCHERS = {
+    "falcon9_leo_pad": 30482.70,
+    "ariane5_eca_pad": 16793.28,
+    "falcon9_gto_pad": 14727.72,
+    "saturn_v_as506_pad": 138539.3,
+}
+#: Planned by `make test`; the others by `make trials`.
+QUICK = "falcon9_leo_pad"
 
 SMALL = """
 name: small_pad
@@ -125,6 +134,19 @@ def test_a_law_flies_from_the_pad_to_the_target(delta, law, most):
         - float(end["velocity"] @ end["velocity"]) / mission.environment.mu_m3_s2
     )
     assert axis == pytest.approx(24361140.0, abs=1e4)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(k, marks=[] if k == QUICK else pytest.mark.trial) for k in LAUNCHERS]
+)
+def test_a_real_launcher_is_planned_and_flown_from_its_pad(name):
+    mission = load_mission(name)
+    solution = solve(mission, "auto")
+    assert solution.converged, solution.reason
+    assert solution.m_f_kg == pytest.approx(LAUNCHERS[name], rel=1e-5)
+    end = flown(mission, solution, "peg")
+    assert end["inserted"]
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=5e-4)
 
 
 def test_the_optimum_keeps_its_limits_and_reaches_them(limited):
