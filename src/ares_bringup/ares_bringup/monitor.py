@@ -14,6 +14,7 @@ from ares_bags.errors import printable
 from ares_bringup.observed import Diagnostic, Event, GuidanceSample
 from ares_bringup.outcomes import EXIT_MEANINGS
 from ares_bringup.summary import FlightSummary
+from ares_models.passage import Passage
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
     EXIT_STATUS,
@@ -23,6 +24,7 @@ from ares_node.diagnostics import (
     LOWEST_COAST_M,
     PACE,
     PAGES,
+    PASSAGE,
     PAUSED,
     SHORTCOMINGS,
     VERDICT,
@@ -235,6 +237,7 @@ class FlightMonitor:
                 cutoff_time=message.cutoff_time,
                 predicted_position=_vector(message.predicted_position),
                 predicted_velocity=_vector(message.predicted_velocity),
+                boosts=message.phase == GuidanceStatus.PHASE_BOOST,
             )
         )
 
@@ -249,6 +252,8 @@ class FlightMonitor:
                 continue
             if plan := _plan(status):
                 self._say(plan)
+            if passage := _passage(status):
+                self.summary.set_air(passage)
             level = _LEVELS.get(status.level)
             if level is not None:
                 self.last_heard = time.monotonic()
@@ -301,6 +306,12 @@ def _plan(status: DiagnosticStatus) -> str:
     coasts = f", no coast below {lowest / 1e3:,.1f} km" if lowest is not None else ""
     method = printable(said.get("method", ""))
     return f"plan taken, by method {method}: {mass:,.1f} kg after the last cut-off{coasts}"
+
+
+def _passage(status: DiagnosticStatus) -> Passage | None:
+    """Return the passage through the air that a status tells; None: it tells none."""
+    told = [item.value for item in status.values if item.key == PASSAGE]
+    return Passage.from_text(told[0]) if told else None
 
 
 def _vector(values: Any) -> tuple[float, float, float]:

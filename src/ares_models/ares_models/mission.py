@@ -188,6 +188,12 @@ class Mission(Part):
         return tuple(names)
 
     @property
+    def vertical_rises(self) -> tuple[int, ...]:
+        """Return the arcs at whose end the vehicle leaves the vertical, by index."""
+        rising = [*self._arc_array(True)["vertical"].tolist(), 0]
+        return tuple(k for k, rises in enumerate(rising[:-1]) if rises and not rising[k + 1])
+
+    @property
     def area_names(self) -> tuple[str, ...]:
         """Return the names of the protected areas, in the order of the kernels' arrays."""
         return tuple(area.name for area in self.abort.avoid) if self.abort else ()

@@ -4,6 +4,8 @@
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from ares_bags.files import find_file
 from ares_bringup.commands.report import recording_of
 from ares_bringup.options import ExportFormat, ExportTable
@@ -66,15 +68,24 @@ def _exported(flown: RecordedFlight) -> Export:
     return Export(
         recording=recording_of(find_file(flown.path).absolute().parent.name, flown),
         commands=flown.columns["thrust_command"],
-        events=[
-            ExportEvent(
-                time_s=event.time,
-                name=summary.event_name(event),
-                position=event.position,
-                velocity=event.velocity,
-                mass_kg=event.mass,
-            )
-            for event in summary.events
-        ],
+        events=_events(flown),
         verdict=VERDICTS[summary.outcome],
     )
+
+
+def _events(flown: RecordedFlight) -> list[ExportEvent]:
+    """List events, and moments at interpolated states, in the order of time."""
+    summary, truth = flown.summary, flown.columns["vehicle_state"]
+    found = [
+        ExportEvent(e.time, summary.event_name(e), e.position, e.velocity, e.mass)
+        for e in summary.events
+    ]
+    for moment in summary.moments:
+        position, velocity = (
+            tuple(float(np.interp(moment.time_s, truth["time"], axis)) for axis in truth[name].T)
+            for name in ("position", "velocity")
+        )
+        found.append(
+            ExportEvent(moment.time_s, moment.text, position, velocity, moment.mass_kg)
+        )
+    return sorted(found, key=lambda event: event.time_s)

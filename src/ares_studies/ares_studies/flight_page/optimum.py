@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from ares_models.arrays import BURN, Record
-from ares_models.kernels.environment import altitude
+from ares_models.arrays import BURN, MissionArrays, Record
+from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
+from ares_models.kernels.environment import altitude, relative_velocity
 from ares_models.kernels.states import insertion_quantities
 from ares_models.mission import Mission
+from ares_models.plans import flies_in_air
 from ares_optimizer.solution import FlownArc, Solution, Trajectory
-from ares_studies.flight_page.data import Optimality, Recording
+from ares_studies.flight_page.data import Columns, Optimality, Recording
 from ares_studies.flight_page.geometry import local_axes
 
 Array = NDArray[np.float64]
@@ -23,6 +25,8 @@ Array = NDArray[np.float64]
 #: Law name of an optimum.
 LAW = "optimum"
 _NOTHING = {"time": np.empty(0)}
+#: Speed against the air, m/s, below which there is no angle of attack.
+AT_REST_M_S = 1.0
 #: Relative accuracy with which a throttled burn holds its acceleration limit.
 _AT_LIMIT = 1e-9
 
@@ -67,6 +71,9 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
         "arc": _arcs(track.time_s, solution.flown),
         "jettisoned": _jettisoned(track.time_s, mission, solution),
     }
+    arrays = mission.arrays()
+    if flies_in_air(arrays.arcs):
+        truth |= _in_air(truth, arrays)
     return Recording(
         name=name,
         law=LAW,
@@ -76,6 +83,40 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
         status=_NOTHING,
         optimality=optimality_of(mission, solution),
     )
+
+
+def _in_air(truth: Columns, arrays: MissionArrays) -> dict[str, Array]:
+    """Compute the columns of VehicleState that tell of the air, thrust less ambient pressure."""
+    surroundings = arrays.environment[0], arrays.atmosphere
+    found = np.zeros((len(truth["time"]), 6))
+    for i, height in enumerate(truth["altitude"].tolist()):
+        arc = arrays.arcs[truth["arc"][i]]
+        r, v = tuple(truth["position"][i]), tuple(truth["velocity"][i])
+        u, thrust = truth["thrust_direction"][i], float(truth["thrust"][i])
+        if thrust > 0.0:
+            thrust = max(0.0, thrust - pressure_loss(arc, r, *surroundings))
+        force = thrust * u + np.array(drag(arc, r, v, *surroundings))
+        axial = float(force @ u)
+        air, speed = air_at(height, *surroundings), float(truth["relative_speed"][i])
+        wind = np.array(relative_velocity(r, v, surroundings[0]))
+        across = float(np.linalg.norm(np.cross(wind, u)))
+        found[i] = (
+            thrust,
+            axial,
+            float(np.linalg.norm(force - axial * u)),
+            0.5 * air.density * speed * speed,
+            speed / air.sound,
+            math.atan2(across, float(wind @ u)) if speed > AT_REST_M_S else 0.0,
+        )
+    mass = truth["mass"]
+    return {
+        "thrust": found[:, 0],
+        "axial_acceleration": found[:, 1] / mass,
+        "lateral_acceleration": found[:, 2] / mass,
+        "dynamic_pressure": found[:, 3],
+        "mach": found[:, 4],
+        "angle_of_attack": found[:, 5],
+    }
 
 
 def _passed(time: Array, instants: Sequence[float]) -> NDArray[np.bool_]:
