@@ -28,7 +28,8 @@ def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
     for k in range(len(marks) - 1):
         (at, word), (after, next_word) = marks[k : k + 2]
         if after - at < NEAR_MARKS * span_s:
-            marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
+            both = word if next_word in word.split(", ") else f"{word}, {next_word}"
+            marks[k : k + 2] = [(at, ""), (after, both)]
     return marks
 
 

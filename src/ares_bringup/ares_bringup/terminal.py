@@ -156,9 +156,7 @@ def _figures(summary: FlightSummary, state: VehicleState, now: float) -> Table:
         shown["dynamic pressure, kPa"] = number(state.dynamic_pressure / 1e3, 2)
     else:
         shown["time to go, s"] = number(status.cutoff_time - now, 1) if status else BLANK
-        shown["last solution, s ago"] = (
-            number(max(now - status.time, 0.0), 1) if status else BLANK
-        )
+        shown["last solution, s ago"] = number(max(now - status.time, 0.0), 1) if status else BLANK
     for heading in shown:
         table.add_column(heading, justify="right")
     table.add_row(*shown.values())

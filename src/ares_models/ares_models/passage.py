@@ -9,6 +9,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+#: Dynamic pressure, Pa, below which a flight has left the air.
+THIN_AIR_PA = 50.0
+
 
 @dataclass(frozen=True)
 class AirState:
@@ -36,6 +39,8 @@ class Passage:
         mach_1: where the vehicle became faster than sound; None before.
         max_q: the state of greatest dynamic pressure so far; None as long as it is the first.
         beyond_max_q: the dynamic pressure has fallen below 0.9 of its greatest.
+        left_s: when the vehicle left the air, mission elapsed time; None as long as it is in it, at
+            rest or slow too.
     """
 
     def __init__(self) -> None:
@@ -43,12 +48,17 @@ class Passage:
         self.mach_1: AirState | None = None
         self.max_q: AirState | None = None
         self.beyond_max_q = False
+        self.left_s: float | None = None
         self._before: AirState | None = None
         self._most = 0.0
 
     def add(self, now: AirState) -> None:
         """Take the next state."""
         before, self._before = self._before, now
+        if now.dynamic_pressure_pa >= THIN_AIR_PA:
+            self.left_s = None
+        elif self.left_s is None and now.mach >= 1.0:
+            self.left_s = now.time_s
         if before is None:
             self._most = now.dynamic_pressure_pa
             return
@@ -60,7 +70,6 @@ class Passage:
         self.beyond_max_q = now.dynamic_pressure_pa < 0.9 * self._most
         if self.mach_1 is None and before.mach < 1.0 <= now.mach:
             self.mach_1 = _between(before, now, (1.0 - before.mach) / (now.mach - before.mach))
-
 
     def as_text(self) -> str:
         """Return Mach 1 and the greatest dynamic pressure as JSON."""

@@ -11,6 +11,7 @@ import pytest
 from ares_models.kernels.environment import altitude, gravity
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements
+from ares_studies.event_words import Moment
 from ares_studies.flight_page import data
 from ares_studies.flight_page.charts import make_chapters
 from ares_studies.flight_page.data import Recording, make_flight
@@ -23,7 +24,7 @@ from ares_studies.flight_page.geometry import (
 )
 from ares_studies.flight_page.globe import make_globe
 from ares_studies.flight_page.land import coasts, read_land
-from ares_studies.flight_page.page import Account, Happening, make_report, render
+from ares_studies.flight_page.page import Account, make_report, render
 from ares_studies.pages.parts import line
 
 MISSION = load_mission("ares_v")
@@ -99,8 +100,9 @@ def account(name="peg", **changes):
         "facts": (("bag", "bags/made_up"),),
         "tables": {"Insertion": None},
         "end": "insertion",
-        "events": (Happening(0.0, "flight started", 1e6),),
+        "events": (Moment(1, 0.0, 1e6, "flight started"),),
         "marks": (),
+        "air_marks": (),
         "diagnostics": (),
     }
     return Account(**(given | changes))

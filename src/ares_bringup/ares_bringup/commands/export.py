@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ares_bags.files import find_file
 from ares_bringup.commands.report import recording_of
@@ -16,6 +17,8 @@ from ares_studies.export.czml import as_czml
 from ares_studies.export.kml import as_kml
 from ares_studies.export.recording import Export, ExportEvent
 from ares_studies.export.tables import as_csv, as_parquet, event_table, flight_table
+
+Array = NDArray[np.float64]
 
 EXIT_INCOMPLETE = 1
 
@@ -81,11 +84,13 @@ def _events(flown: RecordedFlight) -> list[ExportEvent]:
         for e in summary.events
     ]
     for moment in summary.moments:
-        position, velocity = (
-            tuple(float(np.interp(moment.time_s, truth["time"], axis)) for axis in truth[name].T)
-            for name in ("position", "velocity")
-        )
-        found.append(
-            ExportEvent(moment.time_s, moment.text, position, velocity, moment.mass_kg)
-        )
+        position = _at(moment.time_s, truth["time"], truth["position"])
+        velocity = _at(moment.time_s, truth["time"], truth["velocity"])
+        found.append(ExportEvent(moment.time_s, moment.text, position, velocity, moment.mass_kg))
     return sorted(found, key=lambda event: event.time_s)
+
+
+def _at(at: float, time: Array, vectors: Array) -> tuple[float, float, float]:
+    """Interpolate vectors, shape (n, 3)."""
+    x, y, z = (float(np.interp(at, time, axis)) for axis in vectors.T)
+    return x, y, z

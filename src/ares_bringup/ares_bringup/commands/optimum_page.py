@@ -102,9 +102,7 @@ def _known(value: float) -> float | None:
 def _account(
     mission: Mission, solution: Solution, flight: DrawnFlight, moments: Sequence[Moment]
 ) -> Account:
-    events = sorted(
-        (*_events(mission, solution, flight), *moments), key=lambda event: event.time_s
-    )
+    events = sorted((*_events(mission, solution, flight), *moments), key=lambda event: event.time_s)
     words = _words(mission, solution)
     numbers = (
         ("final mass", solution.m_f_kg, 2, "kg"),

@@ -84,9 +84,7 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
     ]
     comparison = None
     if len(flown) > 1:
-        told = [
-            told_of(one.summary, flight) for one, flight in zip(flown, flights, strict=True)
-        ]
+        told = [told_of(one.summary, flight) for one, flight in zip(flown, flights, strict=True)]
         comparison = compare(names, told)
     write_whole(out, render(make_report(flights, accounts, comparison)).encode())
     return out
@@ -352,9 +350,12 @@ def compare(names: Sequence[str], told: Sequence[Told]) -> PageTable:
     ]
     if any(one.t_plf_s is not None for one in told):
         rows.append(_compared("jettison, s", [one.t_plf_s for one in told], 3))
-    for label, field in (("max q, kPa", "max_q_pa"), ("max q alpha, kPa rad", "max_q_alpha_pa_rad")):
-        if any(one.air for one in told):
-            most = [one.air and getattr(one.air, field) / 1e3 for one in told]
+    if any(one.air for one in told):
+        for label, field in (
+            ("max q, kPa", "max_q_pa"),
+            ("max q alpha, kPa rad", "max_q_alpha_pa_rad"),
+        ):
+            most = [getattr(one.air, field) / 1e3 if one.air else None for one in told]
             rows.append(_compared(label, most, 3))
     for key in dict.fromkeys(key for one in told for key in one.errors):
         name, unit, _ = QUANTITIES[key]

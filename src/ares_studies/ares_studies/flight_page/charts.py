@@ -48,7 +48,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Level:
+class LevelLine:
     """Hold a horizontal line: its height, its name, and how far one flight stays from it."""
 
     at: float
@@ -76,7 +76,7 @@ class Chart:
     see: str
     axis: Axis
     lines: Callable[[DrawnFlight], Sequence[Line]]
-    levels: Callable[[DrawnFlight], Sequence[Level]] = lambda _flight: ()
+    levels: Callable[[DrawnFlight], Sequence[LevelLine]] = lambda _flight: ()
     x: Axis | None = None
     least: float = 0.0
     in_air: bool = False
@@ -138,18 +138,20 @@ def _optimality(*columns: tuple[str, str, int]) -> Callable[[DrawnFlight], Seque
     return lines
 
 
-def _zero(flight: DrawnFlight) -> Sequence[Level]:
-    return () if flight.optimality is None else (Level(0.0, ""),)
+def _zero(flight: DrawnFlight) -> Sequence[LevelLine]:
+    return () if flight.optimality is None else (LevelLine(0.0, ""),)
 
 
 def _heating(flight: DrawnFlight) -> Sequence[Line]:
-    heating = flight.states.heating_w_m2
-    return [Line("", flight.states.time_s, np.where(heating > 0.0, heating, np.nan), 4)]
+    time, heating = flight.states.time_s, flight.states.heating_w_m2
+    # in the air molecules do not come one by one
+    counts = heating > 0.0 if flight.air is None else time > flight.air.until_s
+    return [Line("", time, np.where(counts, heating, np.nan), 4)]
 
 
-def _heating_limit(flight: DrawnFlight) -> Sequence[Level]:
+def _heating_limit(flight: DrawnFlight) -> Sequence[LevelLine]:
     limit = flight.heating_limit_w_m2
-    return () if limit is None else (Level(limit, f"limit, {limit:,.0f} W/m2"),)
+    return () if limit is None else (LevelLine(limit, f"limit, {limit:,.0f} W/m2"),)
 
 
 def _in_air(
@@ -170,16 +172,16 @@ def _in_air(
     return lines
 
 
-def _air_limits(column: str, unit: str) -> Callable[[DrawnFlight], Sequence[Level]]:
+def _air_limits(column: str, unit: str) -> Callable[[DrawnFlight], Sequence[LevelLine]]:
     """Make lines of the limits of a column of the states, in thousands of its unit."""
 
     def spare(limit: AirLimit) -> str:
         left = 1e-3 * (limit.limit - limit.most)
         return f", {left:,.2f} to spare" if left >= 0.0 else f", {-left:,.2f} beyond it"
 
-    def levels(flight: DrawnFlight) -> Sequence[Level]:
+    def levels(flight: DrawnFlight) -> Sequence[LevelLine]:
         return [
-            Level(1e-3 * limit.limit, f"limit, {1e-3 * limit.limit:,g} {unit}", spare(limit))
+            LevelLine(1e-3 * limit.limit, f"limit, {1e-3 * limit.limit:,g} {unit}", spare(limit))
             for limit in (flight.air.limits if flight.air else ())
             if limit.column == column
         ]
@@ -283,7 +285,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart("Thrust", "Of all engines.", Axis("thrust", "kN"), _state("thrust_n", 1e-3, 2)),
             Chart(
                 "Acceleration",
-                "As sensed on board: thrust over mass.",
+                "As sensed on board, along the thrust.",
                 Axis("acceleration", "m/s2"),
                 _state("acceleration_m_s2", digits=4),
             ),

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_guidance.arrays import PHASE_BOOST
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
+from ares_models.passage import THIN_AIR_PA
 from ares_models.plans import flies_in_air
 from ares_studies.flight_page.budget import Budget, make_budget, propellant_left
 from ares_studies.flight_page.geometry import (
@@ -28,8 +30,6 @@ Columns = Mapping[str, NDArray[Any]]
 MAX_STATES = 1500
 #: Most impact points of a flight.
 MAX_IMPACTS = 300
-#: Share of the greatest dynamic pressure below which a flight has left the air.
-_THIN_AIR = 2e-3
 #: Navigation error below which navigation equals the truth, m and m/s.
 _NO_ERROR = 1e-9
 
@@ -100,7 +100,7 @@ class States:
         speed_m_s, relative_speed_m_s: inertial, and relative to the rotating air.
         flight_path_angle_deg: of the inertial velocity.
         pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state of a flight, which precedes
-            the first command.
+            the first command, as are the angle of attack and what it makes.
         mass_kg, thrust_n: of the vehicle.
         acceleration_m_s2: along the thrust, by thrust and air, as sensed by accelerometers.
         lateral_acceleration_m_s2: the same across the thrust; nan: unknown.
@@ -246,20 +246,20 @@ def make_flight(recording: Recording) -> DrawnFlight:
             mission.earth(),
         ),
         heating_limit_w_m2=min(limits, default=None),
-        air=_air_part(truth, mission),
+        air=_air_part(truth, recording.status, mission),
         propellant_kg=left[rows],
         budget=make_budget(truth, left, mission),
         optimality=recording.optimality,
     )
 
 
-def _air_part(truth: Columns, mission: Mission) -> AirPart | None:
-    """Find the part of a flight in the air."""
+def _air_part(truth: Columns, status: Columns, mission: Mission) -> AirPart | None:
+    """Find the part of a flight in the air, with the boost programme that is flown there."""
     arcs = mission.arrays().arcs
     if "dynamic_pressure" not in truth or not flies_in_air(arcs):
         return None
     pressure = truth["dynamic_pressure"]
-    thick = np.flatnonzero(pressure > _THIN_AIR * np.max(pressure))
+    thick = np.flatnonzero(pressure >= THIN_AIR_PA)
     if not len(thick):
         return None
     values = {
@@ -276,8 +276,12 @@ def _air_part(truth: Columns, mission: Mission) -> AirPart | None:
         for limit in np.unique(arcs[key][running]).tolist()
         if math.isfinite(limit)
     ]
-    most = (float(np.max(column)) for column in values.values())
-    return AirPart(float(truth["time"][thick[-1]]), *most, tuple(limits))
+    until = truth["time"][thick[-1]]
+    boosts = np.flatnonzero(status["phase"] == PHASE_BOOST) if "phase" in status else ()
+    if len(boosts):
+        until = max(until, status["time"][min(boosts[-1] + 1, len(status["time"]) - 1)])
+    most = {column: float(np.max(of)) for column, of in values.items()}
+    return AirPart(float(until), most["dynamic_pressure_pa"], most["q_alpha_pa_rad"], tuple(limits))
 
 
 def _spread(count: int, most: int) -> NDArray[np.intp]:
@@ -313,7 +317,7 @@ def phases_of(truth: Columns, mission: Mission) -> tuple[Phase, ...]:
 
 
 def phase_name(arc: int, gone: int, mission: Mission) -> str:
-    """Name a phase: its arc, and the last part dropped.
+    """Name a phase: its arc, and the last part dropped that is no booster.
 
     Args:
         arc: its index.
@@ -322,7 +326,8 @@ def phase_name(arc: int, gone: int, mission: Mission) -> str:
     """
     names = mission.arc_names
     name = names[arc] if arc < len(names) else f"arc {arc}"
-    dropped = [part for k, part in enumerate(mission.jettison_names) if gone >> k & 1]
+    # boosters that burn are in the name of the arc
+    dropped = [part.name for k, part in enumerate(mission.jettisons) if gone >> k & 1]
     return f"{name}, after {dropped[-1]}" if dropped else name
 
 
@@ -330,8 +335,14 @@ def states_from_start(truth: Columns, mission: Mission) -> States:
     """Compute the states of a whole flight; the first precedes any command and has no attitude."""
     states = states_of(truth, mission)
     if len(states.time_s) > 1:
-        states.pitch_deg[0] = states.yaw_deg[0] = math.nan
+        for values in attitude_of(states):
+            values[0] = math.nan
     return states
+
+
+def attitude_of(states: States) -> tuple[Array, ...]:
+    """Return what is unknown of a state that precedes any command."""
+    return states.pitch_deg, states.yaw_deg, states.angle_of_attack_deg, states.q_alpha_pa_rad
 
 
 def states_of(truth: Columns, mission: Mission) -> States:

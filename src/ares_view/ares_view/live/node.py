@@ -373,7 +373,12 @@ class LiveNode(FlightNode):
                 "cutoff_s": status.cutoff_time,
                 "iterations": status.iterations,
             }
-            self._story.add_status(row, status.predicted_position, status.predicted_velocity)
+            self._story.add_status(
+                row,
+                status.predicted_position,
+                status.predicted_velocity,
+                boosts=status.phase == GuidanceStatus.PHASE_BOOST,
+            )
             self._story.update(law=LAWS.get(status.law, f"law {status.law}"))
 
     # ---- commands
