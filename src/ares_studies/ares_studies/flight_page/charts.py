@@ -325,8 +325,8 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 in_air=True,
             ),
             Chart(
-                "Dynamic pressure times angle of attack",
-                "The bending load: dynamic pressure times the sine of the angle of attack.",
+                "Q alpha",
+                "Dynamic pressure times the sine of the angle of attack: what bends the vehicle.",
                 Axis("q alpha", "kPa rad"),
                 _in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
                 _air_limits("q_alpha_pa_rad", "kPa rad"),

@@ -277,9 +277,9 @@ def _air_part(truth: Columns, status: Columns, mission: Mission) -> AirPart | No
         if math.isfinite(limit)
     ]
     until = truth["time"][thick[-1]]
-    boosts = np.flatnonzero(status["phase"] == PHASE_BOOST) if "phase" in status else ()
+    boosts = np.flatnonzero(status["phase"] == PHASE_BOOST) if "phase" in status else np.empty(0)
     if len(boosts):
-        until = max(until, status["time"][min(boosts[-1] + 1, len(status["time"]) - 1)])
+        until = max(until, status["time"][min(int(boosts[-1]) + 1, len(status["time"]) - 1)])
     most = {column: float(np.max(of)) for column, of in values.items()}
     return AirPart(float(until), most["dynamic_pressure_pa"], most["q_alpha_pa_rad"], tuple(limits))
 

@@ -102,7 +102,7 @@ CHARTS = (
         in_air=True,
     ),
     LiveChart(
-        "Dynamic pressure times angle of attack",
+        "Q alpha",
         Axis("q alpha", "kPa rad"),
         (LiveLine("q alpha", "q_alpha_kpa_rad", "here"),),
         in_air=True,
