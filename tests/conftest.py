@@ -284,7 +284,16 @@ def dispersed(once) -> Path:
     def make(folder: Path) -> None:
         errors = folder / "errors.yaml"
         errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
-        words = ["fly", "--in-process", "--nav-period", "1", "--dispersions", str(errors)]
+        words = [
+            "fly",
+            "--mission",
+            "ares_v",
+            "--in-process",
+            "--nav-period",
+            "1",
+            "--dispersions",
+            str(errors),
+        ]
         assert main([*words, "--seed", "3", "--bag", str(folder / "dispersed")]) in (0, 1)
 
     return once("flown", make) / "dispersed"

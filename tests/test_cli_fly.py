@@ -96,8 +96,9 @@ def bags(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=LAYOUTS)
 def flown(request, domain, bags):
-    """Fly the default flight, once in each layout; return the output."""
-    return fly(domain, bags, "--json", "--bag", str(bags / request.param), *LAYOUTS[request.param])
+    """Fly Ares V, once in each layout; return the output."""
+    words = ("--mission", "ares_v", "--json", "--bag", str(bags / request.param))
+    return fly(domain, bags, *words, *LAYOUTS[request.param])
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,7 @@ def flight(flown):
     return json.loads(flown.stdout)
 
 
-def test_the_default_flight_prints_one_object_and_nothing_else(flown, flight):
+def test_a_flight_prints_one_object_and_nothing_else(flown, flight):
     assert flown.returncode == 0, flown.stderr
     assert flown.stderr == ""
     assert set(flight) >= KEYS
@@ -170,7 +171,7 @@ def test_the_table_of_a_keplerian_mission(ares, bags, monkeypatch):
 def test_a_flight_that_misses_is_exit_1(ares, tmp_path):
     weak = tmp_path / "weak.yaml"
     weak.write_text("thrust: {mean: -0.5}\n")
-    argv = ("--json", "--no-record", "--in-process", "--nav-period", "1")
+    argv = ("--mission", "ares_v", "--json", "--no-record", "--in-process", "--nav-period", "1")
     done = ares("fly", *argv, "--dispersions", str(weak))
     assert done.returncode == 1, done.stderr
     flight = json.loads(done.stdout)
@@ -180,9 +181,12 @@ def test_a_flight_that_misses_is_exit_1(ares, tmp_path):
 
 
 REFUSED = [
-    (["--dispersions", "/nowhere.yaml"], "vehicle_sim: /nowhere.yaml"),
-    (["--pace", "1e-9"], "vehicle_sim: parameter pace is 1e-09; expected 0, or 0.001 up"),
-    (["--bag", "/proc/nothing/here"], "recorder: bag /proc/nothing/here"),
+    (["--mission", "ares_v", "--dispersions", "/nowhere.yaml"], "vehicle_sim: /nowhere.yaml"),
+    (
+        ["--mission", "ares_v", "--pace", "1e-9"],
+        "vehicle_sim: parameter pace is 1e-09; expected 0, or 0.001 up",
+    ),
+    (["--mission", "ares_v", "--bag", "/proc/nothing/here"], "recorder: bag /proc/nothing/here"),
 ]
 
 
@@ -246,7 +250,7 @@ def test_a_second_flight_on_the_same_graph_has_no_effect(ares, ros_domain, bags,
 @pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tmp_path, number):
     bag = tmp_path / "bag"
-    argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
+    argv = ("fly", "--mission", "ares_v", "--json", "--pace", "20", "--bag", str(bag))
     parent = subprocess.Popen(
         command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
     )
@@ -265,7 +269,8 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
 def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
     """Interrupt: the recorder writes its queue, which may take as long as the flight would."""
     bag = tmp_path / "bag"
-    argv = ("fly", "--json", "--in-process", "--pace", "200", "--bag", str(bag))
+    argv = ("fly", "--mission", "ares_v", "--json", "--in-process", "--pace", "200")
+    argv = (*argv, "--bag", str(bag))
     process = subprocess.Popen(
         command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
     )
@@ -282,7 +287,7 @@ def test_what_a_node_that_is_killed_has_in_shared_memory_goes_with_the_flight(
     domain, bags, tmp_path, restarted
 ):
     bag = tmp_path / "bag"
-    argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
+    argv = ("fly", "--mission", "ares_v", "--json", "--pace", "20", "--bag", str(bag))
     parent = subprocess.Popen(
         command(*argv),
         env=environment(domain, bags),
