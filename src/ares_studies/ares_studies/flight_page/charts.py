@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 ROLES: tuple[Role, ...] = ("here", "thesis", "other", "otis", "third")
 #: Style of the first, second and third line of each of several overlaid flights.
 _SHAPES: tuple[Shape, ...] = ("line", "dashes", "dots")
+#: Share of a limit that optima are free to pass it by.
+_REACHED = 1e-3
 #: Margin above and below a level line, in units of its last decimal.
 _LEVEL_ROOM = 5.0
 
@@ -176,8 +178,10 @@ def _air_limits(column: str, unit: str) -> Callable[[DrawnFlight], Sequence[Leve
     """Make lines of the limits of a column of the states, in thousands of its unit."""
 
     def spare(limit: AirLimit) -> str:
-        left = 1e-3 * (limit.limit - limit.most)
-        return f", {left:,.2f} to spare" if left >= 0.0 else f", {-left:,.2f} beyond it"
+        left = limit.limit - limit.most
+        if abs(left) < _REACHED * limit.limit:
+            return ", reached"
+        return f", {1e-3 * abs(left):,.2f} " + ("to spare" if left > 0.0 else "beyond it")
 
     def levels(flight: DrawnFlight) -> Sequence[LevelLine]:
         return [
