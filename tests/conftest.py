@@ -7,7 +7,7 @@ import shutil
 import socket
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -275,6 +275,18 @@ def page_of_one(once) -> Path:
         assert main(["report", str(REFERENCE), "--out", str(folder / "flight.html")]) == 0
 
     return once("one", make) / "flight.html"
+
+
+@pytest.fixture(scope="session")
+def from_the_pad(once) -> Path:
+    """Fly what `ares fly` flies by default; return a folder with the bag and what is printed."""
+
+    def make(folder: Path) -> None:
+        words = ["fly", "--in-process", "--nav-period", "0.5", "--bag", str(folder / "bag")]
+        with (folder / "printed").open("w") as out, redirect_stdout(out):
+            assert main(words) == 0
+
+    return once("from the pad", make)
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,7 @@ import yaml
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bringup.held import shared_memory
+from ares_bringup.recorded import read_flight
 from ares_trials.testing.bags import recorded_so_far
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.held import orphans
@@ -153,6 +154,20 @@ def test_both_layouts_fly_the_same_flight(bags):
     if all(path.exists() for path in paths):  # after the second of the two flights
         one, other = (open_bag(path) for path in paths)
         assert differences(one, other) == []
+
+
+def test_where_no_mission_is_named_the_climb_begins_on_the_pad(from_the_pad):
+    printed = (from_the_pad / "printed").read_text()
+    assert "Delta III from the pad" in printed
+    summary = read_flight(from_the_pad / "bag").summary
+    told = [moment.text for moment in summary.timeline]
+    # the simulator tells them while it flies, the bag holds the states that they are found in
+    lines = [line.split(maxsplit=2)[2:] for line in printed.splitlines() if line.strip()]
+    shown = [line[0].strip() for line in lines if line]
+    assert [text for text in shown if text in told] == told
+    names = [text.partition(":")[0].partition(" at ")[0] for text in told]
+    order = ("Mach 1", "greatest dynamic pressure", "jettison", "hand-over", "staging")
+    assert sorted(order, key=names.index) == list(order)
 
 
 def test_the_table_of_a_keplerian_mission(ares, bags, monkeypatch):
