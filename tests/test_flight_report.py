@@ -130,6 +130,7 @@ def test_charts_in_the_air_have_a_time_of_their_own(open_file, from_the_pad, tmp
     page.evaluate("Plotly.relayout(plots[3], { 'xaxis.autorange': true })")
     page.wait_for_function(f"String({ranges}) === '{','.join(before)}'")
     page.locator(".timeline li", has_text="greatest dynamic").locator("button").click()
+    page.evaluate(SETTLED)
     text = page.locator(".item", has_text="Dynamic pressure").locator("output").first.inner_text()
     assert 50.0 < float(text.removesuffix(" kPa")) < 70.0
 
