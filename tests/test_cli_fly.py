@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -17,6 +18,7 @@ from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bringup.held import shared_memory
 from ares_bringup.recorded import read_flight
+from ares_msgs.msg import GuidanceStatus
 from ares_trials.testing.bags import recorded_so_far
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.held import orphans
@@ -168,6 +170,17 @@ def test_where_no_mission_is_named_the_climb_begins_on_the_pad(from_the_pad):
     names = [text.partition(":")[0].partition(" at ")[0] for text in told]
     order = ("Mach 1", "greatest dynamic pressure", "jettison", "hand-over", "staging")
     assert sorted(order, key=names.index) == list(order)
+
+
+def test_in_the_boost_programme_guidance_tells_no_solution(from_the_pad):
+    said = open_bag(from_the_pad / "bag").columns("/ares/guidance_status")
+    boosts = said["phase"] == GuidanceStatus.PHASE_BOOST
+    assert 100 < np.sum(boosts) < 300
+    assert not np.any(said["converged"][boosts])
+    assert np.all(said["converged"][~boosts])
+    for name in ("time_to_go", "velocity_to_go", "predicted_position", "predicted_velocity"):
+        assert np.all(np.isnan(said[name][boosts])), name
+        assert np.all(np.isfinite(said[name][~boosts])), name
 
 
 def test_the_table_of_a_keplerian_mission(ares, bags, monkeypatch):
