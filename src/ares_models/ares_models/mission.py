@@ -231,14 +231,18 @@ class Mission(Part):
         return tuple(jettison.name for jettison in self.drops)
 
     def with_names(self, text: str) -> str:
-        """Put the name of an arc or a jettison behind each number in a text, as in "arc 1"."""
-        known = {"arc": self.arc_names, "jettison": self.jettison_names}
+        """Put names behind the numbers of arcs, jettisons and stages, as in "arc 1", "of stage 0"."""
+        known = {
+            "arc": self.arc_names,
+            "jettison": self.jettison_names,
+            "of stage": self.stage_names,
+        }
 
         def named(found: re.Match[str]) -> str:
             names, k = known[found[1]], int(found[2])
             return f"{found[0]} ({names[k]})" if k < len(names) else found[0]
 
-        return re.sub(r"\b(arc|jettison) (\d+)\b(?! \()", named, text)
+        return re.sub(r"\b(arc|jettison|of stage) (\d+)\b(?! \()", named, text)
 
     @property
     def heating_limit_holds(self) -> HeatingLimitHolds:
