@@ -96,7 +96,7 @@ def test_arcs_and_jettisons_have_their_names_beside_their_numbers():
     text = "length of arc 1, s; arc 2: in arc 22; heating at jettison 0; jettison 1; q of stage 0"
     assert mission.with_names(text) == (
         "length of arc 1 (first burn), s; arc 2 (coast): in arc 22; heating at jettison 0 "
-        "(fairing); jettison 1; q of stage 0 (second stage)"
+        "(fairing); jettison 1; q of stage 0 (S2)"
     )
 
 
