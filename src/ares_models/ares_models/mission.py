@@ -231,7 +231,7 @@ class Mission(Part):
         return tuple(jettison.name for jettison in self.drops)
 
     def with_names(self, text: str) -> str:
-        """Put names behind the numbers of arcs, jettisons and stages, as in "arc 1", "of stage 0"."""
+        """Put names behind numbers of arcs, jettisons and stages: "arc 1", "of stage 0"."""
         known = {
             "arc": self.arc_names,
             "jettison": self.jettison_names,

@@ -151,13 +151,16 @@ def _jettisoned(time: Array, mission: Mission, solution: Solution) -> NDArray[np
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Hold the interval between two events at the times of the costates: shape (n,) and (n, 3)."""
+    """Hold the interval between two events at the times of the costates, shape (n,).
+
+    `pushed` is lambda_v . F, with the force of thrust and air.
+    """
 
     rows: NDArray[np.intp]
     time: Array
     mass: Array
     thrust: Array
-    along: Array
+    pushed: Array
     size: Array
     hamiltonian: Array
 
@@ -165,17 +168,18 @@ class _Stretch:
 def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
     """Compute the optimality conditions along an optimum; None if the method has no costates.
 
-    Along a burn H = lambda_r . V + lambda_v . (g + u T/m) - (mu + c) b, with b the mass flow, mu
-    the mass costate and c the propellant multiplier of free burns. The switching function is
-    c_e |lambda_v| / m - mu - c, divided by c: the gain of final mass, kg, per kg of propellant
-    burnt there, beyond its cost. It is zero at the ends of free burns.
+    Along a burn H = lambda_r . V + lambda_v . (g + F/m) - (mu + c) b, with F the force of thrust
+    and air, b the mass flow, mu the mass costate and c the propellant multiplier of free burns. The
+    switching function is c_e |lambda_v| / m - mu - c, divided by c: the gain of final mass, kg, per
+    kg of propellant burnt there, beyond its cost. It is zero at the ends of free burns.
 
     Source: Bryson and Ho, Applied Optimal Control, sections 3.5 and 3.6.
     """
     costates, track = solution.costates, solution.trajectory
     if costates is None or track is None:
         return None
-    arcs = mission.arrays().arcs
+    arrays = mission.arrays()
+    arcs = arrays.arcs
     time = costates.time_s
     switching = np.full(len(time), math.nan)
     total = costates.hamiltonian.copy()
@@ -187,7 +191,7 @@ def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
         following = arcs[min(flown.arc + 1, len(arcs) - 1)]
         drops = following["stage"] != arc["stage"]
         mu = 0.0 if drops else mu
-        pieces = _cut(solution, track, flown)
+        pieces = _cut(solution, track, flown, arrays)
         if free:
             value = _per_flow(pieces[-1], speed)
             if price == 0.0:
@@ -232,7 +236,9 @@ def _held(arc: Record, flown: FlownArc) -> bool:
     return any(abs(length - bound) < 1e-6 for bound in bounds)
 
 
-def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretch]:
+def _cut(
+    solution: Solution, track: Trajectory, flown: FlownArc, arrays: MissionArrays
+) -> list[_Stretch]:
     """Divide an arc at its jettisons; each interval has both its ends."""
     costates = solution.costates
     assert costates is not None
@@ -246,18 +252,33 @@ def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretc
             [np.interp(time, samples, track.direction[own, k]) for k in range(3)]
         )
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        thrust = np.interp(time, samples, track.thrust[own])
+        force = thrust[:, None] * direction
+        if flies_in_air(arrays.arcs):
+            force += _air_force(_at(track, time), direction, arrays.arcs[flown.arc], arrays)
         pieces.append(
             _Stretch(
                 rows=rows,
                 time=time,
                 mass=np.interp(time, samples, track.mass[own]),
-                thrust=np.interp(time, samples, track.thrust[own]),
-                along=np.sum(costates.lambda_v[rows] * direction, axis=1),
+                thrust=thrust,
+                pushed=np.sum(costates.lambda_v[rows] * force, axis=1),
                 size=np.linalg.norm(costates.lambda_v[rows], axis=1),
                 hamiltonian=costates.hamiltonian[rows],
             )
         )
     return pieces
+
+
+def _air_force(state: Array, direction: Array, arc: Record, arrays: MissionArrays) -> Array:
+    """Compute drag, and what ambient pressure takes of the thrust, N, shape (n, 3)."""
+    surroundings = arrays.environment[0], arrays.atmosphere
+    found = []
+    for row, along in zip(state, direction, strict=True):
+        r, v = tuple(row[:3].tolist()), tuple(row[3:].tolist())
+        lost = pressure_loss(arc, r, *surroundings)
+        found.append(np.array(drag(arc, r, v, *surroundings)) - lost * along)
+    return np.array(found)
 
 
 def _between(time: Array, begin: float, end: float) -> NDArray[np.intp]:
@@ -276,7 +297,7 @@ def _mass_costate(piece: _Stretch, arc: Record, end: float, costs: float) -> Arr
     """Integrate the mass costate along an interval backwards from its end value, shape (n,)."""
     acceleration = piece.thrust / piece.mass
     throttled = acceleration > float(arc["max_acceleration"]) * (1.0 - _AT_LIMIT)
-    fixed = piece.along * acceleration / piece.mass
+    fixed = piece.pushed / piece.mass**2
     if not np.any(throttled):
         rise = CubicSpline(piece.time, fixed).antiderivative()(piece.time)
         return np.asarray(end + rise - rise[-1])
