@@ -252,7 +252,8 @@ class FlightMonitor:
                 continue
             if plan := _plan(status):
                 self._say(plan)
-            if passage := _passage(status):
+            said = {item.key: item.value for item in status.values}
+            if passage := Passage.from_text(said.get(PASSAGE, "")):
                 self.summary.set_air(passage)
             level = _LEVELS.get(status.level)
             if level is not None:
@@ -306,12 +307,6 @@ def _plan(status: DiagnosticStatus) -> str:
     coasts = f", no coast below {lowest / 1e3:,.1f} km" if lowest is not None else ""
     method = printable(said.get("method", ""))
     return f"plan taken, by method {method}: {mass:,.1f} kg after the last cut-off{coasts}"
-
-
-def _passage(status: DiagnosticStatus) -> Passage | None:
-    """Return the passage through the air that a status tells; None: it tells none."""
-    told = [item.value for item in status.values if item.key == PASSAGE]
-    return Passage.from_text(told[0]) if told else None
 
 
 def _vector(values: Any) -> tuple[float, float, float]:

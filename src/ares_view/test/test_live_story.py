@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
+from ares_models.passage import AirState, Passage
 from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, STATUS_FIELDS, RowSeries, Seen, Story
 
 MISSION = load_mission("ares_v")
@@ -187,6 +188,15 @@ def test_mach_1_is_shown_at_once_and_max_q_when_it_is_past(from_pad):
     marked = {moment["mark"]: moment["time_s"] for moment in told["moments"]}
     assert marked == {"Mach 1": 50.0, "max q": 60.0}
     assert told["moments"][1]["text"] == "greatest dynamic pressure: 30.00 kPa at 18.0 km"
+
+
+def test_what_the_simulator_tells_counts_in_the_end(from_pad):
+    from_pad.add_states(climbing(0, 150))
+    passage = Passage()
+    passage.max_q = AirState(60.1, 18_030.0, 900.0, 30_100.0, 1.2)
+    from_pad.set_passage(passage)
+    (moment,) = about(from_pad)["moments"]
+    assert moment["text"] == "greatest dynamic pressure: 30.10 kPa at 18.0 km"
 
 
 def test_in_the_air_its_numbers_are_shown_and_above_it_heating(from_pad):

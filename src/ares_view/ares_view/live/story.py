@@ -303,6 +303,13 @@ class Story:
             self._show_moments()
         return np.array(in_air)
 
+    def set_passage(self, passage: Passage) -> None:
+        """Put what the simulator tells of the climb in place of what is found in some states."""
+        with self._lock:
+            self._passage.mach_1, self._passage.max_q = passage.mach_1, passage.max_q
+            self._passage.beyond_max_q = True
+            self._show_moments()
+
     def _show_moments(self) -> None:
         """Show Mach 1, the hand-over, and the greatest dynamic pressure once it is past."""
         found = air_moments(self._passage) + self._hand_over
