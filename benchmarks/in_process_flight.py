@@ -98,8 +98,8 @@ def exchange(count: int) -> float:
 
 
 def flight(bag: Path) -> tuple[float, int]:
-    """Return the default flight's wall time without start-up, s, and its navigation states."""
-    summary = fly(FlyOptions(in_process=True, bag=bag))
+    """Return Ares V's wall time without start-up, s, and its navigation states."""
+    summary = fly(FlyOptions("ares_v", in_process=True, bag=bag))
     assert summary.exit_code == 0 and summary.realtime_factor is not None
     length = summary.events[-1].time - summary.events[0].time
     return length / summary.realtime_factor, round(10.0 * length)

@@ -97,7 +97,7 @@ def flown(bag: Path, pace: float, viewer: type[Reader] | type[Chromium] | None) 
     port = free_port(LOOPBACK, 0)
     live = LiveOptions(port=port, wait=True) if viewer else None
     reader = viewer(port) if viewer else None
-    summary = fly(FlyOptions(bag=bag, settings={"pace": pace}, live=live))
+    summary = fly(FlyOptions("ares_v", bag=bag, settings={"pace": pace}, live=live))
     assert summary.exit_code == 0 and summary.realtime_factor is not None
     return [summary.realtime_factor, *([reader.rate()] if reader else [])]
 

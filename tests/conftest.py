@@ -7,7 +7,7 @@ import shutil
 import socket
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -278,13 +278,34 @@ def page_of_one(once) -> Path:
 
 
 @pytest.fixture(scope="session")
+def from_the_pad(once) -> Path:
+    """Fly what `ares fly` flies by default; return a folder with the bag and what is printed."""
+
+    def make(folder: Path) -> None:
+        words = ["fly", "--in-process", "--nav-period", "0.5", "--bag", str(folder / "bag")]
+        with (folder / "printed").open("w") as out, redirect_stdout(out):
+            assert main(words) == 0
+
+    return once("from the pad", make)
+
+
+@pytest.fixture(scope="session")
 def dispersed(once) -> Path:
     """Fly with navigation errors; return the bag."""
 
     def make(folder: Path) -> None:
         errors = folder / "errors.yaml"
         errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
-        words = ["fly", "--in-process", "--nav-period", "1", "--dispersions", str(errors)]
+        words = [
+            "fly",
+            "--mission",
+            "ares_v",
+            "--in-process",
+            "--nav-period",
+            "1",
+            "--dispersions",
+            str(errors),
+        ]
         assert main([*words, "--seed", "3", "--bag", str(folder / "dispersed")]) in (0, 1)
 
     return once("flown", make) / "dispersed"

@@ -16,6 +16,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import GuidanceStatus, ThrustCommand
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
+ARES_V = ("--mission", "ares_v")
 COMMAND = "/ares/thrust_command"
 STATUS = "/ares/guidance_status"
 NAV = "/ares/nav_state"
@@ -225,10 +226,14 @@ def test_another_guidance_took_over(ares, reference, tmp_path):
 @pytest.mark.parametrize(
     ("words", "note"),
     [
-        (["--dispersions", "standard", "--seed", "3", "--guidance", "igm"], ""),
-        (["--guidance", "peg_thesis"], "found again, by its method analytic"),
+        ([*ARES_V, "--dispersions", "standard", "--seed", "3", "--guidance", "igm"], ""),
+        ([*ARES_V, "--guidance", "peg_thesis"], "found again, by its method analytic"),
         (["--mission", "geostationary_transfer"], "found again, by its method auto"),
-        (["--guidance", "optimal", "--cycle-period", "4", "--initial-guess", "optimizer"], "found"),
+        (
+            [*ARES_V, *("--guidance", "optimal", "--cycle-period", "4")]
+            + ["--initial-guess", "optimizer"],
+            "found",
+        ),
     ],
     ids=["dispersed", "with a trajectory", "with a plan", "optimal"],
 )

@@ -10,12 +10,15 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bringup.held import shared_memory
+from ares_bringup.recorded import read_flight
+from ares_msgs.msg import GuidanceStatus
 from ares_trials.testing.bags import recorded_so_far
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.held import orphans
@@ -96,8 +99,9 @@ def bags(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=LAYOUTS)
 def flown(request, domain, bags):
-    """Fly the default flight, once in each layout; return the output."""
-    return fly(domain, bags, "--json", "--bag", str(bags / request.param), *LAYOUTS[request.param])
+    """Fly Ares V, once in each layout; return the output."""
+    words = ("--mission", "ares_v", "--json", "--bag", str(bags / request.param))
+    return fly(domain, bags, *words, *LAYOUTS[request.param])
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +109,7 @@ def flight(flown):
     return json.loads(flown.stdout)
 
 
-def test_the_default_flight_prints_one_object_and_nothing_else(flown, flight):
+def test_a_flight_prints_one_object_and_nothing_else(flown, flight):
     assert flown.returncode == 0, flown.stderr
     assert flown.stderr == ""
     assert set(flight) >= KEYS
@@ -154,6 +158,31 @@ def test_both_layouts_fly_the_same_flight(bags):
         assert differences(one, other) == []
 
 
+def test_where_no_mission_is_named_the_climb_begins_on_the_pad(from_the_pad):
+    printed = (from_the_pad / "printed").read_text()
+    assert "Delta III from the pad" in printed
+    summary = read_flight(from_the_pad / "bag").summary
+    told = [moment.text for moment in summary.timeline]
+    # the simulator tells them while it flies, the bag holds the states that they are found in
+    lines = [line.split(maxsplit=2)[2:] for line in printed.splitlines() if line.strip()]
+    shown = [line[0].strip() for line in lines if line]
+    assert [text for text in shown if text in told] == told
+    names = [text.partition(":")[0].partition(" at ")[0] for text in told]
+    order = ("Mach 1", "greatest dynamic pressure", "jettison", "hand-over", "staging")
+    assert sorted(order, key=names.index) == list(order)
+
+
+def test_in_the_boost_programme_guidance_tells_no_solution(from_the_pad):
+    said = open_bag(from_the_pad / "bag").columns("/ares/guidance_status")
+    boosts = said["phase"] == GuidanceStatus.PHASE_BOOST
+    assert 100 < np.sum(boosts) < 300
+    assert not np.any(said["converged"][boosts])
+    assert np.all(said["converged"][~boosts])
+    for name in ("time_to_go", "velocity_to_go", "predicted_position", "predicted_velocity"):
+        assert np.all(np.isnan(said[name][boosts])), name
+        assert np.all(np.isfinite(said[name][~boosts])), name
+
+
 def test_the_table_of_a_keplerian_mission(ares, bags, monkeypatch):
     monkeypatch.setenv("ARES_BAGS", str(bags))
     # seldom, since the numbers do not matter
@@ -170,7 +199,7 @@ def test_the_table_of_a_keplerian_mission(ares, bags, monkeypatch):
 def test_a_flight_that_misses_is_exit_1(ares, tmp_path):
     weak = tmp_path / "weak.yaml"
     weak.write_text("thrust: {mean: -0.5}\n")
-    argv = ("--json", "--no-record", "--in-process", "--nav-period", "1")
+    argv = ("--mission", "ares_v", "--json", "--no-record", "--in-process", "--nav-period", "1")
     done = ares("fly", *argv, "--dispersions", str(weak))
     assert done.returncode == 1, done.stderr
     flight = json.loads(done.stdout)
@@ -180,9 +209,12 @@ def test_a_flight_that_misses_is_exit_1(ares, tmp_path):
 
 
 REFUSED = [
-    (["--dispersions", "/nowhere.yaml"], "vehicle_sim: /nowhere.yaml"),
-    (["--pace", "1e-9"], "vehicle_sim: parameter pace is 1e-09; expected 0, or 0.001 up"),
-    (["--bag", "/proc/nothing/here"], "recorder: bag /proc/nothing/here"),
+    (["--mission", "ares_v", "--dispersions", "/nowhere.yaml"], "vehicle_sim: /nowhere.yaml"),
+    (
+        ["--mission", "ares_v", "--pace", "1e-9"],
+        "vehicle_sim: parameter pace is 1e-09; expected 0, or 0.001 up",
+    ),
+    (["--mission", "ares_v", "--bag", "/proc/nothing/here"], "recorder: bag /proc/nothing/here"),
 ]
 
 
@@ -246,7 +278,7 @@ def test_a_second_flight_on_the_same_graph_has_no_effect(ares, ros_domain, bags,
 @pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tmp_path, number):
     bag = tmp_path / "bag"
-    argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
+    argv = ("fly", "--mission", "ares_v", "--json", "--pace", "20", "--bag", str(bag))
     parent = subprocess.Popen(
         command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
     )
@@ -265,7 +297,8 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
 def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
     """Interrupt: the recorder writes its queue, which may take as long as the flight would."""
     bag = tmp_path / "bag"
-    argv = ("fly", "--json", "--in-process", "--pace", "200", "--bag", str(bag))
+    argv = ("fly", "--mission", "ares_v", "--json", "--in-process", "--pace", "200")
+    argv = (*argv, "--bag", str(bag))
     process = subprocess.Popen(
         command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
     )
@@ -282,7 +315,7 @@ def test_what_a_node_that_is_killed_has_in_shared_memory_goes_with_the_flight(
     domain, bags, tmp_path, restarted
 ):
     bag = tmp_path / "bag"
-    argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
+    argv = ("fly", "--mission", "ares_v", "--json", "--pace", "20", "--bag", str(bag))
     parent = subprocess.Popen(
         command(*argv),
         env=environment(domain, bags),

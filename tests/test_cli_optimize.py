@@ -93,10 +93,10 @@ def test_bad_input_is_one_line_and_status_2(capsys, argv, words):
 
 def test_arcs_and_jettisons_have_their_names_beside_their_numbers():
     mission = load_mission("falcon9_gto")
-    text = "length of arc 1, s; arc 2: in arc 22; heating at jettison 0; jettison 1"
+    text = "length of arc 1, s; arc 2: in arc 22; heating at jettison 0; jettison 1; q of stage 0"
     assert mission.with_names(text) == (
         "length of arc 1 (first burn), s; arc 2 (coast): in arc 22; heating at jettison 0 "
-        "(fairing); jettison 1"
+        "(fairing); jettison 1; q of stage 0 (S2)"
     )
 
 

@@ -316,3 +316,30 @@ def test_what_is_wrong_is_one_line(tmp_path, capfd, words, expected):
     assert err.count("\n") == 1
     assert expected in err
     assert not list(tmp_path.rglob("*"))
+
+
+def test_what_the_air_does_is_exported(from_the_pad, tmp_path, capfd):
+    def table(*more):
+        out = tmp_path / "table.parquet"
+        words = ("--format", "parquet", "--out", out, *more)
+        assert run(capfd, from_the_pad / "bag", *words) == (0, f"{out}\n", "")
+        return pq.read_table(out)
+
+    states = table()
+    pressure = np.array(states["dynamic_pressure_pa"])
+    greatest = int(np.argmax(pressure))
+    assert 5e4 < pressure[greatest] < 7e4
+    attack = math.radians(states["angle_of_attack_deg"][greatest].as_py())
+    bending = states["q_alpha_pa_rad"][greatest].as_py()
+    assert bending == pytest.approx(pressure[greatest] * math.sin(attack))
+    assert states.schema.field("q_alpha_pa_rad").metadata == {b"unit": b"Pa rad"}
+    assert states["lateral_acceleration_m_s2"][greatest].as_py() > 0.0
+    events = table("--table", "events")
+    names = events["event"].to_pylist()
+    row = next(k for k, name in enumerate(names) if name.startswith("greatest dynamic pressure"))
+    for column in ("time_s", "mass_kg", "position_x_m", "speed_m_s", "latitude_deg"):
+        found = events[column][row].as_py()
+        assert found == pytest.approx(states[column][greatest].as_py(), rel=1e-12), column
+    times = events["time_s"].to_pylist()
+    assert times == sorted(times)
+    assert "hand-over: closed-loop guidance begins" in names

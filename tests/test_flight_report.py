@@ -111,6 +111,30 @@ def test_a_zoom_of_one_chart_is_a_zoom_of_all(open_file, page_of_one):
     assert set(page.evaluate(CURSORS)) == {None}
 
 
+def test_charts_in_the_air_have_a_time_of_their_own(open_file, from_the_pad, tmp_path, capfd):
+    out = tmp_path / "page.html"
+    assert run(capfd, from_the_pad / "bag", "--out", out)[0] == 0
+    page = open_file(out, "wide", "light")
+    assert page.evaluate(FIGURES)
+    ranges = "timed.map((plot) => plot._fullLayout.xaxis.range.map(Math.round).join())"
+    before = page.evaluate(ranges)
+    whole, in_air = dict.fromkeys(before)
+    assert before.count(in_air) == 5
+    assert float(in_air.split(",")[1]) < 0.3 * float(whole.split(",")[1])
+    marks = "plots.map((plot) => plot.layout.annotations.map(({ text }) => text).join())"
+    assert sum("max q" in words for words in page.evaluate(marks)) == 5
+    page.evaluate("Plotly.relayout(plots[3], { 'xaxis.range': [50, 60] })")
+    page.wait_for_function(
+        "timed.every((plot) => String(plot._fullLayout.xaxis.range) === '50,60')"
+    )
+    page.evaluate("Plotly.relayout(plots[3], { 'xaxis.autorange': true })")
+    page.wait_for_function(f"String({ranges}) === '{','.join(before)}'")
+    page.locator(".timeline li", has_text="greatest dynamic").locator("button").click()
+    page.evaluate(SETTLED)
+    text = page.locator(".item", has_text="Dynamic pressure").locator("output").first.inner_text()
+    assert 50.0 < float(text.removesuffix(" kPa")) < 70.0
+
+
 def test_an_event_and_the_slider_set_the_time(open_file, page_of_one):
     page = open_file(page_of_one, "wide", "light")
     page.locator(".timeline button", has_text="337.150").first.click()

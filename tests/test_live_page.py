@@ -19,6 +19,7 @@ import yaml
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
+from ares_bringup.recorded import read_flight
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.pages import FIGURES, SIZES, THEMES, illegible
 from ares_view.live.address import listen
@@ -27,8 +28,10 @@ REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 #: What the page calls what it sees.
 STATE = "document.documentElement.dataset.state"
 #: Charts whose drawing has come to the last state.
-DRAWN = """() => plots.every((plot) => plot.data
+DRAWN = """() => plots.filter((plot) => plot.checkVisibility()).every((plot) => plot.data
   && plot.data[0].x.at(-1) >= (live.states.last("time_s") - 5))"""
+#: Names of the gauges that are seen.
+GAUGES = "gauges.filter((one) => one.checkVisibility()).map((one) => one.dataset.key)"
 #: Names of controls, figures and landmarks that a reader of screens is told.
 NAMELESS = """() => [...document.querySelectorAll(
     "button, input, canvas, section, [role=img], [role=group]")]
@@ -157,7 +160,7 @@ def check_legible(page, size):
     assert len(figures) == 6
     for figure in figures:
         assert figure["traces"] == len(figure["data"]), figure["key"]
-    axes = page.locator(".axis").all_inner_texts()
+    axes = page.locator(".axis:visible").all_inner_texts()
     assert len(axes) == 12
     assert all(re.fullmatch(r"[a-z -]+, \S+", text) for text in axes), axes
     assert page.evaluate(NAMELESS) == []
@@ -444,6 +447,43 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
         page.wait_for_function("() => live.over")
         assert page.locator("#no-report").inner_text() == f"Its report: ./ares report {REFERENCE}"
         assert out.startswith("published ")
+
+
+def test_a_climb_from_the_pad_shows_what_the_air_does(ros_environment, opened, from_the_pad):
+    words = ("replay", str(from_the_pad / "bag"), "--live", "--pace", "20")
+    with started(ros_environment, *words) as replay:
+        page = opened(replay.url)
+        wait_for_state(page, "Playing")
+        page.wait_for_function("() => live.about.moments.length === 1")
+        page.locator(".play").click()
+        wait_for_state(page, "Paused")
+        assert page.locator("#guidance").inner_text() == "boost programme"
+        assert {"dynamic_pressure_kpa", "mach"} <= set(page.evaluate(GAUGES))
+        assert float(page.locator("[data-key=mach] b").inner_text()) > 1.0
+        page.locator("[data-pace='0']").click()
+        page.locator(".play").click()
+        wait_for_state(page, "Flight over: Flown to the target")
+        page.wait_for_function("() => live.over")
+        assert page.locator("#guidance").inner_text() == "closed loop"
+        assert not {"dynamic_pressure_kpa", "mach"} & set(page.evaluate(GAUGES))
+        told = "\n".join(page.locator("#timeline li").all_inner_texts())
+        order = ["Mach 1", "greatest dynamic pressure", "hand-over", "staging"]
+        assert sorted(order, key=told.index) == order
+        # the page has seen some states, the simulator all
+        moments = read_flight(from_the_pad / "bag").summary.moments
+        assert all(moment.text in told for moment in moments)
+        page.set_viewport_size({"width": 1280, "height": 6000})
+        page.wait_for_function(
+            "() => plots[3].layout.annotations.some(({ text }) => text === 'hand-over')"
+        )
+        assert illegible(page, "wide", widest=380) == []
+        figures = {figure["key"]: figure for figure in page.evaluate(FIGURES)}
+        assert len(figures) == 9
+        pressure, whole = figures["figure-4"], figures["figure-1"]
+        assert 30.0 < max(filter(None, pressure["data"][0][1])) < 62.0
+        axes = page.evaluate("[3, 0].map((k) => plots[k]._fullLayout.xaxis.range[1])")
+        assert axes[0] < 0.3 * axes[1]
+        assert pressure["traces"] == whole["traces"] == 1
 
 
 def test_a_page_of_its_own_finds_the_flight(ros_environment, flown, opened):

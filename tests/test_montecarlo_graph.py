@@ -104,7 +104,8 @@ def test_the_commands_that_fly_it_again(files, ros_domain, capfd):
     given = ["--dispersions", files["everything"], "--seed", str(SEED), "--json"]
     assert main(["montecarlo", "--only", "17", *given]) == 0
     alone = json.loads(capfd.readouterr().out)["flights"][0]
-    argv = ["fly", "--flight", "17", "--in-process", "--no-record", "--domain-id", str(ros_domain)]
+    argv = ["fly", "--mission", "ares_v", "--flight", "17", "--in-process", "--no-record"]
+    argv += ["--domain-id", str(ros_domain)]
     main([*argv, *given])
     flown = json.loads(capfd.readouterr().out)
     for key in ("m_f_kg", "t_plf_s", "t_meco_s"):

@@ -104,7 +104,7 @@ def test_a_mission_of_another_kind_leaves_the_node_unconfigured(graph):
 
 # ---- the command line
 
-LAW = ("--guidance", "peg_thesis")
+LAW = ("--mission", "ares_v", "--guidance", "peg_thesis")
 
 
 def test_the_command_alone_just_works(ares):

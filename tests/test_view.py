@@ -310,7 +310,7 @@ def test_tf_is_the_type_that_tools_know():
 
 @pytest.mark.parametrize("way", [(), ("--in-process",)], ids=["processes", "one process"])
 def test_a_flight_is_the_same_whether_it_is_shown_or_not(ares, tmp_path, way):
-    words = ("fly", *way, "--json", "--nav-period", "1")
+    words = ("fly", "--mission", "ares_v", *way, "--json", "--nav-period", "1")
     plain = ares(*words, "--bag", str(tmp_path / "plain"))
     shown = ares(*words, "--bag", str(tmp_path / "shown"), "--view")
     assert (plain.returncode, shown.returncode) == (0, 0), shown.stderr

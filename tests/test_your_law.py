@@ -41,6 +41,8 @@ def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):
     flown = ares(
         installed,
         "fly",
+        "--mission",
+        "ares_v",
         "--guidance",
         "linear_tangent",
         "--bag",

@@ -23,8 +23,6 @@ ALSO = {
     "reproduce": PAGES,
     "test": EVERYTHING,
 }
-#: Options of a flight that may need the optimizer or dispersions.
-SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(=.*)?")
 #: Options of a flight with a Foxglove server.
 SHOWN_BY = re.compile(r"--foxglove(-port)?(=.*)?")
 #: Kernels needed by a verb: all, none, or those of a flight by a law, given by its name.
@@ -54,10 +52,10 @@ def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
     """Return the lists of requirements that a call needs in addition to those of a plain flight."""
     verb = arguments[0] if arguments else ""
     if verb == "fly":
-        solved = any(map(SOLVED_FOR.fullmatch, arguments))
         if any(map(SHOWN_BY.fullmatch, arguments)):
             return PAGES
-        return ("solve.txt",) * solved + ("live.txt",) * ("--live" in arguments)
+        # the default mission is planned before it is flown
+        return ("solve.txt",) + ("live.txt",) * ("--live" in arguments)
     if verb == "replay" and "--live" in arguments:
         return ("live.txt",)
     return ALSO.get(verb, ())

@@ -13,11 +13,11 @@ from preparation.progress import BAR, Steps, say
 from preparation.running import announce, preparation_lock, remove
 from preparation.stamps import is_built, kernels_wanting, missing_additions, prepared_environment
 
-COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
+COMPILING = {True: "once, until they change: a minute", False: "once, a minute"}
 #: Steps of the preparation, with their duration on an idle machine of two cores, s.
 PACKAGES, ADDITIONS = "Python packages", "further packages"
 BUILDING, KERNELS = "messages", "kernels"
-LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 30.0}
+LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 50.0}
 ALL_KERNELS_LENGTH = 75.0
 
 

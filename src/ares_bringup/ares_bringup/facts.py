@@ -26,6 +26,7 @@ class MissionFacts:
         equatorial_radius: m.
         environment: record of dtype ENVIRONMENT; None: longitude zero is unknown.
         areas: names of the areas that impacts must avoid.
+        rises: indices of the arcs at whose end the vehicle leaves the vertical.
     """
 
     name: str
@@ -39,6 +40,7 @@ class MissionFacts:
     equatorial_radius: float = math.nan
     environment: Any = None
     areas: Sequence[str] = ()
+    rises: Sequence[int] = ()
 
 
 def facts_of(mission: "Mission") -> MissionFacts:
@@ -58,4 +60,5 @@ def facts_of(mission: "Mission") -> MissionFacts:
         equatorial_radius=mission.environment.earth.equatorial_radius_m,
         environment=None if mission.zero_longitude_deg is None else mission.environment_array()[0],
         areas=mission.area_names,
+        rises=mission.vertical_rises,
     )

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Label the instants of a flight to mark in plots."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ares_studies.event_words import MARKS
+from ares_studies.event_words import MARKS, Moment
 from ares_vehicle_sim.arrays import ARC_ENDED, IGNITION
 
 if TYPE_CHECKING:
@@ -28,15 +28,16 @@ def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
     for k in range(len(marks) - 1):
         (at, word), (after, next_word) = marks[k : k + 2]
         if after - at < NEAR_MARKS * span_s:
-            marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
+            both = word if next_word in word.split(", ") else f"{word}, {next_word}"
+            marks[k : k + 2] = [(at, ""), (after, both)]
     return marks
 
 
-def marks_of(summary: "FlightSummary") -> list[tuple[float, str]]:
-    """Return the instants to mark in plots: mission elapsed time in s, and a label, maybe "".
+def words_of(summary: "FlightSummary") -> dict[float, str]:
+    """Label the instants of a flight, mission elapsed time in s, one word each.
 
-    Each instant has one mark, and labels do not overlap. A coast begins where a burn ends, and
-    ends where an engine ignites; a drop at the same instant takes precedence.
+    A coast begins where a burn ends, and ends where an engine ignites; a drop at the same instant
+    takes precedence.
     """
     ignitions = {round(event.time, 3) for event in summary.events if event.type == IGNITION}
     words: dict[float, str] = {}
@@ -46,6 +47,22 @@ def marks_of(summary: "FlightSummary") -> list[tuple[float, str]]:
     for event in summary.events:
         if event.type == ARC_ENDED:
             at = round(event.time, 3)
-            words.setdefault(at, "ignition" if at in ignitions else "coast")
-    span = summary.events[-1].time - summary.events[0].time if words else 0.0
-    return apart(words, span)
+            word = "ignition" if at in ignitions else "coast"
+            words.setdefault(at, "pitch-over" if event.index in summary.facts.rises else word)
+    return words
+
+
+def marks_of(summary: "FlightSummary") -> list[tuple[float, str]]:
+    """Return the instants to mark in plots of a whole flight, so that labels do not overlap."""
+    words = words_of(summary)
+    return apart(words, summary.events[-1].time - summary.events[0].time) if words else []
+
+
+def air_marks(words: Mapping[float, str], moments: Sequence[Moment]) -> list[tuple[float, str]]:
+    """Return the instants to mark in plots of the part in the air, each with its label.
+
+    Args:
+        words: labels by instant, s.
+        moments: of the climb through the air.
+    """
+    return sorted({**words, **{moment.time_s: MARKS[moment.kind] for moment in moments}}.items())

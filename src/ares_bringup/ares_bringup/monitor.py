@@ -14,6 +14,7 @@ from ares_bags.errors import printable
 from ares_bringup.observed import Diagnostic, Event, GuidanceSample
 from ares_bringup.outcomes import EXIT_MEANINGS
 from ares_bringup.summary import FlightSummary
+from ares_models.passage import Passage
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
     EXIT_STATUS,
@@ -23,6 +24,7 @@ from ares_node.diagnostics import (
     LOWEST_COAST_M,
     PACE,
     PAGES,
+    PASSAGE,
     PAUSED,
     SHORTCOMINGS,
     VERDICT,
@@ -235,6 +237,7 @@ class FlightMonitor:
                 cutoff_time=message.cutoff_time,
                 predicted_position=_vector(message.predicted_position),
                 predicted_velocity=_vector(message.predicted_velocity),
+                boosts=message.phase == GuidanceStatus.PHASE_BOOST,
             )
         )
 
@@ -249,6 +252,9 @@ class FlightMonitor:
                 continue
             if plan := _plan(status):
                 self._say(plan)
+            said = {item.key: item.value for item in status.values}
+            if passage := Passage.from_text(said.get(PASSAGE, "")):
+                self.summary.set_air(passage)
             level = _LEVELS.get(status.level)
             if level is not None:
                 self.last_heard = time.monotonic()

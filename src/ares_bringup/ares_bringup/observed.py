@@ -36,7 +36,7 @@ class Diagnostic:
 
 @dataclass(frozen=True)
 class GuidanceSample:
-    """Hold the fields of GuidanceStatus that the summary uses."""
+    """Hold the fields of GuidanceStatus that the summary uses; boosts: its phase is PHASE_BOOST."""
 
     time: float
     cycle: int
@@ -47,3 +47,4 @@ class GuidanceSample:
     cutoff_time: float
     predicted_position: Vector
     predicted_velocity: Vector
+    boosts: bool = False

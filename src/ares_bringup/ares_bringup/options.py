@@ -20,6 +20,8 @@ MAX_FLIGHTS = 10**8
 #: Default port of Foxglove; highest port.
 FOXGLOVE_PORT = 8765
 MAX_PORT = 65535
+#: Mission of `ares fly` where none is named.
+FROM_THE_PAD = "delta_iii_pad"
 #: Default guidance law.
 PEG = "peg"
 #: Highest ROS domain id; the ports of a higher one do not exist.
@@ -138,7 +140,7 @@ class FlyOptions:
         arguments: further command-line arguments by node name.
     """
 
-    mission: str = "ares_v"
+    mission: str = FROM_THE_PAD
     guidance: str = PEG
     in_process: bool = False
     sealed: bool = False

@@ -20,8 +20,12 @@ from ares_bringup.flown_mission import flown_mission
 from ares_bringup.observed import Diagnostic, Event, GuidanceSample
 from ares_bringup.options import CannotStart
 from ares_bringup.summary import FlightSummary
+from ares_guidance.arrays import PHASE_BOOST
 from ares_models.mission import Mission
+from ares_models.passage import passage_of
+from ares_models.plans import flies_in_air
 from ares_models.units import NANOSECONDS
+from ares_studies.event_words import hand_over
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -104,6 +108,7 @@ def read_flight(path: Path, given: str | None = None) -> RecordedFlight:
         summary.add_event(event)
     for status in _statuses(contents.columns["guidance_status"]):
         summary.add_status(status)
+    _find_moments(summary, found.mission, contents.columns["vehicle_state"])
     for complaint in contents.complaints:
         summary.add_diagnostic(complaint)
     if contents.missing:
@@ -193,6 +198,17 @@ def _events(columns: Columns) -> Iterator[Event]:
         )
 
 
+def _find_moments(summary: FlightSummary, mission: Mission, truth: Columns) -> None:
+    """Find Mach 1 and the greatest dynamic pressure, and the mass at the hand-over."""
+    if not flies_in_air(mission.arrays().arcs) or "mach" not in truth:
+        return
+    summary.moments = [
+        hand_over(moment.time_s, float(np.interp(moment.time_s, truth["time"], truth["mass"])))
+        for moment in summary.moments
+    ]
+    summary.set_air(passage_of(truth))
+
+
 def _statuses(columns: Columns) -> Iterator[GuidanceSample]:
     for i in range(len(columns["time"])):
         yield GuidanceSample(
@@ -205,6 +221,7 @@ def _statuses(columns: Columns) -> Iterator[GuidanceSample]:
             cutoff_time=float(columns["cutoff_time"][i]),
             predicted_position=_vector(columns["predicted_position"][i]),
             predicted_velocity=_vector(columns["predicted_velocity"][i]),
+            boosts=bool(columns["phase"][i] == PHASE_BOOST),
         )
 
 

@@ -117,13 +117,13 @@ def insertion_table(summary: FlightSummary) -> Table:
 
 
 def event_table(summary: FlightSummary) -> Table:
-    """Tabulate the events with time and mass after the event."""
+    """Tabulate events and moments with time and mass after each."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("time s", justify="right")
     table.add_column("mass kg", justify="right")
     table.add_column("event")
-    for event in summary.events:
-        table.add_row(number(event.time, 3), number(event.mass, 2), Text(summary.event_name(event)))
+    for moment in summary.timeline:
+        table.add_row(number(moment.time_s, 3), number(moment.mass_kg, 2), Text(moment.text))
     return table
 
 

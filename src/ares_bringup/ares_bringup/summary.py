@@ -17,7 +17,14 @@ from ares_bringup.outcomes import (
     Outcome,
 )
 from ares_models.arrays import LONGEST_FLIGHT
-from ares_studies.event_words import ENDS, event_name
+from ares_studies.event_words import (
+    ENDS,
+    HAND_OVER,
+    Moment,
+    air_moments,
+    event_name,
+    hand_over,
+)
 from ares_vehicle_sim.arrays import (
     CUTOFF,
     DEPLETION,
@@ -34,6 +41,7 @@ from ares_vehicle_sim.arrays import (
 if TYPE_CHECKING:
     from ares_models.impacts import Impact
     from ares_models.judge import Judgement
+    from ares_models.passage import Passage
 
 #: Most diagnostics kept; later ones are only counted.
 MAX_DIAGNOSTICS = 200
@@ -52,12 +60,14 @@ class FlightSummary:
         namespace: namespace of its nodes, with the leading slash.
         foreign_messages: messages of other flights that the judge received and ignored.
         events: in the order of arrival.
+        moments: found in states and statuses, see `timeline`.
         first_converged: first status with an accepted solution.
         last_converged: last one.
         guidance_cycles: highest cycle number seen.
         seen_from_start: no guidance cycle was missed before the first one seen.
         max_stale_cycles: most consecutive cycles without an accepted solution.
         laws: number of cycles by the law's code in GuidanceStatus.
+        boosts: in its last cycle guidance flew the attitude programme of the air.
         diagnostics: warnings and errors, the first MAX_DIAGNOSTICS of them.
         diagnostic_count: all of them.
         lost_messages: events, statuses and diagnostics that the monitor did not receive.
@@ -77,12 +87,14 @@ class FlightSummary:
     namespace: str = "/ares"
     foreign_messages: int = 0
     events: list[Event] = field(default_factory=list)
+    moments: list[Moment] = field(default_factory=list)
     first_converged: GuidanceSample | None = None
     last_converged: GuidanceSample | None = None
     guidance_cycles: int = 0
     seen_from_start: bool = False
     max_stale_cycles: int = 0
     laws: Counter[int] = field(default_factory=Counter)
+    boosts: bool = False
     diagnostics: list[Diagnostic] = field(default_factory=list)
     diagnostic_count: int = 0
     lost_messages: int = 0
@@ -108,6 +120,9 @@ class FlightSummary:
         self.guidance_cycles = max(self.guidance_cycles, status.cycle)
         self.max_stale_cycles = max(self.max_stale_cycles, status.stale_cycles)
         self.laws[status.law] += 1
+        if self.boosts and not status.boosts:
+            self.moments.append(hand_over(status.time, math.nan))
+        self.boosts = status.boosts
         if status.converged:
             self.first_converged = self.first_converged or status
             self.last_converged = status
@@ -122,6 +137,11 @@ class FlightSummary:
         """Add a report on forged messages."""
         if len(self.forged) < MAX_DIAGNOSTICS:
             self.forged.append(text)
+
+    def set_air(self, passage: "Passage") -> None:
+        """Set the moments of the climb through the air."""
+        self.moments = [moment for moment in self.moments if moment.kind == HAND_OVER]
+        self.moments += air_moments(passage)
 
     def set_rate(self, flight_time: float, wall_time: float) -> None:
         """Set the real-time factor from an interval of flight time and wall time, s."""
@@ -303,6 +323,12 @@ class FlightSummary:
         return EXIT_NOT_AS_IT_SHOULD if self.shortcomings() else EXIT_TARGET
 
     # ---- words
+
+    @property
+    def timeline(self) -> list[Moment]:
+        """Return events and moments in the order of time, with their texts."""
+        told = [Moment(e.type, e.time, e.mass, self.event_name(e)) for e in self.events]
+        return sorted(told + self.moments, key=lambda moment: moment.time_s)
 
     def event_name(self, event: Event) -> str:
         """Describe an event with the mission's names."""

@@ -121,8 +121,8 @@ def picture(
     lines.add_row(_figures(summary, state, now))
     lines.add_row(_prediction(summary))
     if summary.events:
-        last = summary.events[-1]
-        line = f"last event: {summary.event_name(last)} at {number(last.time, 2)} s"
+        last = summary.timeline[-1]
+        line = f"last event: {last.text} at {number(last.time_s, 2)} s"
         lines.add_row(Text(line, style="dim", overflow="ellipsis"))
     return lines
 
@@ -150,9 +150,13 @@ def _figures(summary: FlightSummary, state: VehicleState, now: float) -> Table:
         "altitude, km": number(state.altitude / 1e3, 2),
         "speed, m/s": number(speed, 1),
         "mass, kg": number(state.mass, 1),
-        "time to go, s": number(status.cutoff_time - now, 1) if status else BLANK,
-        "last solution, s ago": number(max(now - status.time, 0.0), 1) if status else BLANK,
     }
+    if summary.boosts:
+        shown["Mach"] = number(state.mach, 2)
+        shown["dynamic pressure, kPa"] = number(state.dynamic_pressure / 1e3, 2)
+    else:
+        shown["time to go, s"] = number(status.cutoff_time - now, 1) if status else BLANK
+        shown["last solution, s ago"] = number(max(now - status.time, 0.0), 1) if status else BLANK
     for heading in shown:
         table.add_column(heading, justify="right")
     table.add_row(*shown.values())
@@ -161,6 +165,8 @@ def _figures(summary: FlightSummary, state: VehicleState, now: float) -> Table:
 
 def _prediction(summary: FlightSummary) -> Table | Text:
     status: GuidanceSample | None = summary.last_converged
+    if summary.boosts:
+        return Text("guidance flies the boost programme", style="dim")
     if status is None:
         return Text("guidance has no solution yet", style="yellow")
     errors = judgement(summary.facts, status.predicted_position, status.predicted_velocity).errors

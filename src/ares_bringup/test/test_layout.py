@@ -51,7 +51,7 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
                 greetings.append(line)
                 begun()
 
-            options = FlyOptions(bag=tmp_path / "bag", restarts=restarts)
+            options = FlyOptions("ares_v", bag=tmp_path / "bag", restarts=restarts)
             summary = fly(options, say, fake_nodes, greet=greet)
             assert [line[:25] for line in greetings] == [f"flight {summary.flight_id:016x}: "]
             return summary, said
@@ -179,8 +179,8 @@ def noting_start(self, name, *rest):
     start(self, name, *rest)
     print(self.pid(name), flush=True)
 Crew.start = noting_start
-module.fly(FlyOptions(record=True, bag=__import__("pathlib").Path({str(tmp_path / "bag")!r})),
-           modules={fake_nodes!r})
+bag = __import__("pathlib").Path({str(tmp_path / "bag")!r})
+module.fly(FlyOptions("ares_v", bag=bag), modules={fake_nodes!r})
 """
     environment = {
         **os.environ,

@@ -190,6 +190,6 @@ def test_what_is_not_a_parameter_file(tmp_path, text, complaint):
 
 def test_a_flight_that_the_optimizer_plans_needs_what_solves(monkeypatch):
     monkeypatch.setattr("ares_bringup.node_values.unmet", lambda *asked: f"{asked}")
-    assert set(node_parameters(FlyOptions(), None, 1)) == {"vehicle_sim", "guidance"}
+    assert set(node_parameters(FlyOptions("ares_v"), None, 1)) == {"vehicle_sim", "guidance"}
     with pytest.raises(CannotStart, match=r"\('ares_optimizer', 'solve'\)"):
-        node_parameters(FlyOptions(settings={"initial_guess": "analytic"}), None, 1)
+        node_parameters(FlyOptions("ares_v", settings={"initial_guess": "analytic"}), None, 1)

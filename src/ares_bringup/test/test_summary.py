@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from ares_bringup.facts import MissionFacts, facts_of
 from ares_bringup.insertion import judgement, target_state
-from ares_bringup.marks import marks_of
+from ares_bringup.marks import apart, marks_of
 from ares_bringup.observed import Diagnostic, Event
 from ares_bringup.outcomes import Outcome
+from ares_bringup.report import console, print_summary
 from ares_bringup.summary import MAX_DIAGNOSTICS, FlightSummary
 from ares_bringup.summary_json import to_json
 from ares_models.arrays import (
@@ -29,6 +30,7 @@ from ares_models.arrays import (
 )
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements
+from ares_models.passage import AirState, Passage
 from ares_trials.testing.flights import (
     INCLINATION,
     MU,
@@ -415,3 +417,39 @@ def test_an_orbit_does_not_fall(facts):
     circle = math.sqrt(MU / RADIUS)
     assert fallen(facts, circle).impact is None
     assert to_json(fallen(facts, circle + 50.0))["impact"] is None
+
+
+def test_what_is_found_in_states_stands_among_the_events(facts, capsys):
+    summary = good_flight(facts)
+    passage = Passage()
+    passage.mach_1 = AirState(130.0, 6_200.0, 900.0, 2e4, 1.0)
+    passage.max_q = AirState(145.0, 11_000.0, 800.0, 36_000.0, 1.6)
+    summary.set_air(passage)
+    for cycle, boosts in ((1, True), (2, True), (3, False), (4, False)):
+        summary.add_status(replace(made_up_status(cycle), time=147.0 + cycle, boosts=boosts))
+    print_summary(summary, console())
+    rows = [line.split(maxsplit=2) for line in capsys.readouterr().out.splitlines()]
+    told = [(*row[:2], row[2].strip()) for row in rows if row and row[0].startswith("1")]
+    assert told == [
+        ("100.000", "500.00", "flight started"),
+        ("130.000", "900.00", "Mach 1 at 6.2 km"),
+        ("145.000", "800.00", "greatest dynamic pressure: 36.00 kPa at 11.0 km"),
+        ("150.000", "-", "hand-over: closed-loop guidance begins"),
+    ]
+    # events are what the simulator says
+    assert len(to_json(summary)["events"]) == len(summary.events)
+
+
+def test_a_mark_that_follows_its_like_is_not_repeated():
+    words = {75.0: "jettison", 150.0: "jettison", 261.0: "staging", 924.0: "cut-off"}
+    assert apart(words, 924.0) == [
+        (75.0, ""),
+        (150.0, ""),
+        (261.0, "jettison, staging"),
+        (924.0, "cut-off"),
+    ]
+
+
+def test_the_end_of_a_vertical_rise_is_the_pitch_over(facts):
+    summary = flown(replace(facts, rises=(0,)), made_up_event(ARC_ENDED, 110.0))
+    assert marks_of(summary) == [(110.0, "pitch-over")]

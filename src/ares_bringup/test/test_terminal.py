@@ -2,6 +2,7 @@
 """The view of a flight on the terminal while it flies."""
 
 import io
+import math
 
 import pytest
 
@@ -53,3 +54,17 @@ def test_an_arc_that_the_mission_lacks_has_its_number(facts, arc):
     text = io.StringIO()
     console(text).print(picture(summary, VehicleState(arc=arc), 1.0, 0.0))
     assert ("made_up: burn" if arc == 0 else "made_up: arc 7") in text.getvalue()
+
+
+def test_in_the_boost_programme_the_air_is_shown_instead_of_a_solution(facts):
+    summary = flown(facts)
+    position, velocity = state()
+    unknown = (150.0, 150, False, 0, 0, LAW_PEG, math.nan)
+    summary.add_status(GuidanceSample(*unknown, position, velocity, boosts=True))
+    text = shown(summary)
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert text.splitlines()[1].split() == (
+        ["altitude,", "km", "speed,", "m/s", "mass,", "kg", "Mach", "dynamic", "pressure,", "kPa"]
+    )
+    assert "guidance flies the boost programme" in text
+    assert "time to go" not in text

@@ -202,8 +202,12 @@ class Answers:
     def jettison_after_cutoff(self) -> bool:
         """Return whether a heating jettison is aboard and the plan does not drop it."""
         aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
-        solved = self.law.converged and self.law.phase != PHASE_BOOST
-        return bool(aboard and solved and self.law.steering[0]["jettison"] < 0)
+        return bool(aboard and self._solved and self.law.steering[0]["jettison"] < 0)
+
+    @property
+    def _solved(self) -> bool:
+        """Return whether the law's solution was accepted; in the boost programme it has none."""
+        return self.law.converged and self.law.phase != PHASE_BOOST
 
     def status(self) -> GuidanceStatus:
         """Build the status of the law after the last cycle."""
@@ -213,6 +217,8 @@ class Answers:
         steering = self.law.steering[0]
         now = float(self._nav[0]["time"])
         cutoff_time = float(steering["cutoff_time"])
+        # 0 without a solution yet
+        known = math.nan if self.law.phase == PHASE_BOOST else 1.0
         return GuidanceStatus(
             stamp=self._stamp,
             flight_id=flight_id,
@@ -221,19 +227,19 @@ class Answers:
             law=int(state["law"]) or self.law.kind.code,
             phase=self.law.phase,
             error_code=int(state["error"]),
-            converged=self.law.converged,
+            converged=self._solved,
             iterations=int(state["iterations"]),
             total_iterations=int(state["total_iterations"]),
             stale_cycles=int(state["stale_cycles"]),
-            time_to_go=cutoff_time - now if self.law.converged else math.nan,
+            time_to_go=cutoff_time - now if self._solved else math.nan,
             cutoff_time=cutoff_time,
-            velocity_to_go=solution["velocity_to_go"].copy(),
-            predicted_position=state["predicted_position"].copy(),
-            predicted_velocity=state["predicted_velocity"].copy(),
-            miss_speed=float(solution["miss_speed"]),
+            velocity_to_go=known * solution["velocity_to_go"],
+            predicted_position=known * state["predicted_position"],
+            predicted_velocity=known * state["predicted_velocity"],
+            miss_speed=known * float(solution["miss_speed"]),
             jettison_time=float(steering["jettison_time"]),
             jettison_after_cutoff=self.jettison_after_cutoff,
-            density_ratio=float(state["density_ratio"]),
+            density_ratio=known * float(state["density_ratio"]),
         )
 
 

@@ -188,6 +188,12 @@ class Mission(Part):
         return tuple(names)
 
     @property
+    def vertical_rises(self) -> tuple[int, ...]:
+        """Return the arcs at whose end the vehicle leaves the vertical, by index."""
+        rising = [*self._arc_array(True)["vertical"].tolist(), 0]
+        return tuple(k for k, rises in enumerate(rising[:-1]) if rises and not rising[k + 1])
+
+    @property
     def area_names(self) -> tuple[str, ...]:
         """Return the names of the protected areas, in the order of the kernels' arrays."""
         return tuple(area.name for area in self.abort.avoid) if self.abort else ()
@@ -225,14 +231,18 @@ class Mission(Part):
         return tuple(jettison.name for jettison in self.drops)
 
     def with_names(self, text: str) -> str:
-        """Put the name of an arc or a jettison behind each number in a text, as in "arc 1"."""
-        known = {"arc": self.arc_names, "jettison": self.jettison_names}
+        """Put names behind numbers of arcs, jettisons and stages: "arc 1", "of stage 0"."""
+        known = {
+            "arc": self.arc_names,
+            "jettison": self.jettison_names,
+            "of stage": self.stage_names,
+        }
 
         def named(found: re.Match[str]) -> str:
             names, k = known[found[1]], int(found[2])
             return f"{found[0]} ({names[k]})" if k < len(names) else found[0]
 
-        return re.sub(r"\b(arc|jettison) (\d+)\b(?! \()", named, text)
+        return re.sub(r"\b(arc|jettison|of stage) (\d+)\b(?! \()", named, text)
 
     @property
     def heating_limit_holds(self) -> HeatingLimitHolds:

@@ -22,6 +22,9 @@ LONGEST_CYCLE_MS = "longest_cycle_ms"
 #: of its coasts.
 FINAL_MASS_KG = "final_mass_kg"
 LOWEST_COAST_M = "lowest_coast_m"
+#: Fact of a flight through the air, reported by the simulator at its end, see
+#: `ares_models.passage`.
+PASSAGE = "passage"
 #: Facts on the pace of simulator or replay: real-time factor, pause, and the full name of the node
 #: with the parameters of the same names.
 PACE = "pace"

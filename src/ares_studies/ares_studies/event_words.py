@@ -2,7 +2,9 @@
 """Name the events of a flight."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+from ares_models.passage import Passage
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
@@ -21,6 +23,8 @@ from ares_vehicle_sim.arrays import (
     TIME_LIMIT,
 )
 
+#: What is found in states and statuses, beside the events that the simulator tells.
+MACH_1, MAX_Q, HAND_OVER = 256, 257, 258
 EVENT_NAMES = {
     FLIGHT_STARTED: "flight started",
     IGNITION: "ignition",
@@ -37,6 +41,9 @@ EVENT_NAMES = {
     FAILED: "failure",
     JETTISON_STUCK: "jettison stuck",
     OVER_LIMIT: "acceleration over its limit",
+    MACH_1: "Mach 1",
+    MAX_Q: "greatest dynamic pressure",
+    HAND_OVER: "hand-over: closed-loop guidance begins",
 }
 #: Events marked in plots, with their labels.
 MARKS = {
@@ -46,6 +53,9 @@ MARKS = {
     FAILED: "failure",
     JETTISON_STUCK: "stuck",
     OVER_LIMIT: "over limit",
+    MACH_1: "Mach 1",
+    MAX_Q: "max q",
+    HAND_OVER: "hand-over",
 }
 #: Events that end the flight.
 ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
@@ -76,3 +86,33 @@ def event_name(
     name = EVENT_NAMES.get(kind, f"event {kind}")
     names = lists.get(kind, ())
     return f"{name}: {names[index]}" if index < len(names) else name
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Hold what is found in states and statuses: kind, time in s, mass in kg, and its text."""
+
+    kind: int
+    time_s: float
+    mass_kg: float
+    text: str
+
+
+def air_moments(passage: Passage) -> list[Moment]:
+    """Name Mach 1 and the greatest dynamic pressure of a climb through the air."""
+    found = []
+    mach_1, max_q = passage.mach_1, passage.max_q
+    if mach_1 is not None:
+        found.append((MACH_1, mach_1, f" at {mach_1.altitude_m / 1e3:,.1f} km"))
+    if max_q is not None:
+        text = f": {max_q.dynamic_pressure_pa / 1e3:,.2f} kPa at {max_q.altitude_m / 1e3:,.1f} km"
+        found.append((MAX_Q, max_q, text))
+    return [
+        Moment(kind, state.time_s, state.mass_kg, EVENT_NAMES[kind] + text)
+        for kind, state, text in found
+    ]
+
+
+def hand_over(time_s: float, mass_kg: float) -> Moment:
+    """Name the begin of closed-loop guidance after the boost programme."""
+    return Moment(HAND_OVER, time_s, mass_kg, EVENT_NAMES[HAND_OVER])

@@ -9,10 +9,13 @@ With a law: only the kernels of one flight by it. Without: every kernel.
 import multiprocessing
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 
 from ares_guidance.law import PEG, Law
 from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
+from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
+from ares_models.kernels.environment import density, relative_velocity
 from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
 from ares_models.registry import registered
@@ -23,8 +26,16 @@ from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 
+def plan_from_pad() -> None:
+    """Plan the mission that `ares fly` flies by default, if what solves is installed."""
+    with suppress(ImportError):
+        from ares_optimizer.solve import solve  # not every verb installs it
+
+        solve(load_mission("delta_iii_pad"), "collocation")
+
+
 def fly_once(name: str) -> None:
-    """Fly the default mission as the nodes do; law peg without the registry."""
+    """Fly Ares V as the nodes do; law peg without the registry."""
     mission = load_mission("ares_v")
     warnings(mission)
     law = Law(mission.arrays(foreseen=True)) if name == PEG.name else name
@@ -32,7 +43,7 @@ def fly_once(name: str) -> None:
 
 
 def compile_laws(*names: str) -> None:
-    """Fly the default mission by each law: stepwise, compiled and in a campaign."""
+    """Fly Ares V by each law: stepwise, compiled and in a campaign."""
     mission = load_mission("ares_v")
     for name in names:
         fly_once(name)
@@ -63,6 +74,14 @@ def compile_pages() -> None:
     mission = load_mission("ares_v")
     start = mission.start()
     impact_time(start.position, start.velocity, mission.environment_array()[0])
+    arrays = load_mission("delta_iii_pad").arrays()
+    place, velocity = tuple(start.position.tolist()), tuple(start.velocity.tolist())
+    surroundings = arrays.environment[0], arrays.atmosphere
+    drag(arrays.arcs[0], place, velocity, *surroundings)
+    pressure_loss(arrays.arcs[0], place, *surroundings)
+    density(place, *surroundings)
+    air_at(0.0, *surroundings)
+    relative_velocity(place, velocity, surroundings[0])
 
 
 def compile_flights() -> None:
@@ -72,6 +91,7 @@ def compile_flights() -> None:
     # without verification, whose kernels are compiled with the direct methods
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "collocation")
+    plan_from_pad()
     solve(load_mission("ares_v"), "closed_form", verify=False)
     compile_laws(*law_names())
     compile_plans()
@@ -91,5 +111,6 @@ def run(*parts: Callable[[], None]) -> int:
 if __name__ == "__main__":
     if sys.argv[1:]:
         fly_once(sys.argv[1])
+        plan_from_pad()
     else:
         sys.exit(run(compile_flights, compile_solvers))

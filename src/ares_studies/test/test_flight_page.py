@@ -8,9 +8,12 @@ import math
 import numpy as np
 import pytest
 
+from ares_guidance.arrays import PHASE_BOOST, PHASE_TRACKING
 from ares_models.kernels.environment import altitude, gravity
-from ares_models.mission import load_mission
+from ares_models.mission import MISSION as MISSION_FILE
+from ares_models.mission import load_mission, parse_mission
 from ares_models.orbits import Elements
+from ares_studies.event_words import Moment
 from ares_studies.flight_page import data
 from ares_studies.flight_page.charts import make_chapters
 from ares_studies.flight_page.data import Recording, make_flight
@@ -23,8 +26,8 @@ from ares_studies.flight_page.geometry import (
 )
 from ares_studies.flight_page.globe import make_globe
 from ares_studies.flight_page.land import coasts, read_land
-from ares_studies.flight_page.page import Account, Happening, make_report, render
-from ares_studies.pages.parts import line
+from ares_studies.flight_page.page import Account, make_report, render
+from ares_studies.pages.parts import Guide, line
 
 MISSION = load_mission("ares_v")
 ENVIRONMENT = MISSION.environment_array()[0]
@@ -99,8 +102,9 @@ def account(name="peg", **changes):
         "facts": (("bag", "bags/made_up"),),
         "tables": {"Insertion": None},
         "end": "insertion",
-        "events": (Happening(0.0, "flight started", 1e6),),
+        "events": (Moment(1, 0.0, 1e6, "flight started"),),
         "marks": (),
+        "air_marks": (),
         "diagnostics": (),
     }
     return Account(**(given | changes))
@@ -374,3 +378,107 @@ def test_a_way_by_time_keeps_its_ends_and_its_corners():
     assert (drawn.t[0], drawn.t[-1]) == (0.0, 100.0)
     assert 40.0 in drawn.t
     assert len(drawn.x) == len(drawn.y) == len(drawn.t) < 400
+
+
+# ---- in the air
+
+PAD = parse_mission(
+    MISSION_FILE.find("delta_iii_pad")
+    .read_text()
+    .replace("    burn_time_s: 261.0\n", "    burn_time_s: 261.0\n    max_q_alpha_pa_rad: 9000.0\n")
+    .replace("    boosters:", "    max_dynamic_pressure_pa: 40000.0\n    boosters:"),
+    "pad.yaml",
+)
+
+
+def in_air(q_pa=3e4):
+    """Make a synthetic climb with its greatest dynamic pressure at 60 s."""
+    made = columns()
+    time = made["time"]
+    made["arc"][:] = 0
+    return made | {
+        "dynamic_pressure": q_pa * np.exp(-(((time - 60.0) / 20.0) ** 2)),
+        "mach": 0.02 * time,
+        "angle_of_attack": np.full(len(time), 0.1),
+        "axial_acceleration": np.full(len(time), 12.0),
+        "lateral_acceleration": np.full(len(time), 0.5),
+    }
+
+
+def air_figures(flights, marks=()):
+    names = [flight.name for flight in flights]
+    chapters = make_chapters(flights, names, (), marks)
+    found = [chapter for chapter in chapters if chapter.title == "In the air"]
+    return {item.title: item.content for chapter in found for item in chapter.items}
+
+
+def test_a_flight_above_the_air_has_no_chapter_in_it():
+    assert air_figures([make_flight(recording())]) == {}
+    # nor has a bag of old, which does not tell of the air
+    assert air_figures([make_flight(recording(mission=PAD))]) == {}
+
+
+def test_charts_in_the_air_end_with_it_and_show_limits_with_what_is_spared():
+    flight = make_flight(recording(mission=PAD, truth=in_air()))
+    until = 60.0 + 20.0 * math.sqrt(math.log(3e4 / 50.0))
+    assert flight.air.until_s == pytest.approx(until, abs=0.2)
+    marks = (Guide(60.0, "max q"), Guide(400.0, "staging"))
+    figures = air_figures([flight], marks)
+    assert list(figures) == [
+        "Dynamic pressure",
+        "Mach number",
+        "Angle of attack",
+        "Q alpha",
+        "Loads",
+    ]
+    for figure in figures.values():
+        assert figure.x.span[1] == pytest.approx(until, abs=2.0)
+        assert [mark.text for mark in figure.instants] == ["max q"]
+    pressure = figures["Dynamic pressure"]
+    assert max(pressure.series[0].y) == pytest.approx(30.0, abs=0.01)
+    (level,) = pressure.levels
+    assert (level.at, level.text) == (40.0, "limit, 40 kPa, 10.00 to spare")
+    assert pressure.y.span[1] > 40.0
+    (level,) = figures["Q alpha"].levels
+    assert level.text == f"limit, 9 kPa rad, {9.0 - 30.0 * math.sin(0.1):.2f} to spare"
+    assert [series.name for series in figures["Loads"].series] == ["axial", "lateral"]
+
+
+@pytest.mark.parametrize(
+    ("q_pa", "said"), [(40020.0, "reached"), (39990.0, "reached"), (41000.0, "1.00 beyond it")]
+)
+def test_a_limit_that_is_not_kept_is_told(q_pa, said):
+    flight = make_flight(recording(mission=PAD, truth=in_air(q_pa)))
+    (level,) = air_figures([flight])["Dynamic pressure"].levels
+    assert level.text == f"limit, 40 kPa, {said}"
+
+
+def test_several_flights_share_limits_without_what_each_spares():
+    flights = [
+        make_flight(recording(name=name, mission=PAD, truth=in_air(q_pa)))
+        for name, q_pa in (("one", 3e4), ("two", 2e4))
+    ]
+    (level,) = air_figures(flights)["Dynamic pressure"].levels
+    assert level.text == "limit, 40 kPa"
+
+
+def test_the_boost_programme_belongs_to_the_part_in_the_air():
+    said = status()
+    said["phase"] = np.where(said["time"] < 200.0, PHASE_BOOST, PHASE_TRACKING)
+    flight = make_flight(recording(mission=PAD, truth=in_air(), status=said))
+    assert flight.air.until_s == 200.0
+
+
+def test_in_the_air_no_heating_of_single_molecules_is_drawn():
+    flight = make_flight(recording(mission=PAD, truth=in_air()))
+    (vehicle,) = (c for c in make_chapters([flight], ["a"], ()) if c.title == "Vehicle")
+    (heating,) = (item.content for item in vehicle.items if item.title == "Heating")
+    shown = [x for x, y in zip(heating.series[0].x, heating.series[0].y, strict=True) if y]
+    assert min(shown) > flight.air.until_s
+
+
+def test_what_precedes_the_first_command_has_no_attitude():
+    states = make_flight(recording(mission=PAD, truth=in_air())).states
+    for name in ("pitch_deg", "yaw_deg", "angle_of_attack_deg", "q_alpha_pa_rad"):
+        assert np.isnan(getattr(states, name)[0])
+        assert np.isfinite(getattr(states, name)[1])

@@ -307,3 +307,22 @@ def test_knots_of_the_drag_table_apart_by_nothing_are_refused():
     text = SMALL.format(thrust=800000.0).replace("[0.8, 0.35]", "[1e-320, 0.35]")
     with pytest.raises(MissionError, match=r"drag_table\[1\].*a Mach number of at least 0.001"):
         parse_mission(text, "small.yaml")
+
+
+def test_an_optimum_shows_what_the_air_does_as_a_flight_would(limited):
+    mission, solution = limited
+    recording = record_optimum("optimum", mission, solution)
+    flight = make_flight(recording)
+    assert flight.air.max_q_pa == pytest.approx(36000.0, rel=2e-3)
+    assert flight.air.max_q_alpha_pa_rad == pytest.approx(2500.0, rel=2e-3)
+    assert {limit.limit for limit in flight.air.limits} == {36000.0, 2500.0}
+    held = flight.optimality.hamiltonian_m_s2[flight.optimality.time_s < 152.8]
+    assert np.ptp(held) < 0.01 * np.mean(held)
+    # the same state by the plant
+    simulator = Simulator(mission)
+    while simulator.plant["time"] < 7.9:
+        simulator.advance()
+    told, now = simulator.truth(), float(simulator.plant["time"])
+    for name in ("thrust", "axial_acceleration", "dynamic_pressure", "mach"):
+        shown = np.interp(now, recording.truth["time"], recording.truth[name])
+        assert shown == pytest.approx(float(told[name]), rel=2e-3), name

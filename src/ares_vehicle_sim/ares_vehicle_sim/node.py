@@ -22,9 +22,17 @@ from rosgraph_msgs.msg import Clock
 from ares_models.arrays import STEERING
 from ares_models.failures import read_failure
 from ares_models.mission import MISSION_TEXT, read_mission
+from ares_models.passage import AirState, Passage
+from ares_models.plans import flies_in_air
 from ares_models.software import software
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import Level, Timing, is_worth_reporting, pace_message
+from ares_node.diagnostics import (
+    PASSAGE,
+    Level,
+    Timing,
+    is_worth_reporting,
+    pace_message,
+)
 from ares_node.identity import id_text, new_id
 from ares_node.key import FORGED
 from ares_node.membership import AGREED, FLIGHT_ID, MOST_HEARD, OPEN, Membership, Role, State
@@ -292,6 +300,7 @@ class VehicleSimNode(FlightNode):
             rehearsal.truth()
             self._simulator = Simulator(*flight)
             failed.pop_all()
+        self._passage = Passage() if flies_in_air(mission.arrays().arcs) else None
         self._clock_out = self.create_publisher(Clock, CLOCK, CLOCK_QOS)
         self._nav_out = self.create_publisher(NavState, NAV_STATE, FLIGHT)
         self._truth_out = self.create_publisher(VehicleState, VEHICLE_STATE, FLIGHT)
@@ -683,7 +692,9 @@ class VehicleSimNode(FlightNode):
         simulator = self.simulator
         head = self._head
         self._clock_out.publish(clock_data(head[0]))
-        self._truth_out.publish(self._truth_message.data(*head, simulator.truth()))
+        truth = simulator.truth()
+        self._truth_out.publish(self._truth_message.data(*head, truth))
+        self._pass_air(truth)
         if simulator.complete and simulator.escaped:
             # before the final event: the judge ignores later reports
             self._report(Level.WARN, simulator.escaped)
@@ -692,6 +703,22 @@ class VehicleSimNode(FlightNode):
             self._report(level, str(self._deadlines))
         for event in simulator.new_events():
             self._say_event(self._event_message(event))
+
+    def _pass_air(self, truth: Any) -> None:
+        """Follow the climb through the air; tell its greatest dynamic pressure at the end."""
+        passage = self._passage
+        if passage is None:
+            return
+        names = ("altitude", "mass", "dynamic_pressure", "mach")
+        now = (float(truth[name]) for name in names)
+        passage.add(AirState(self.simulator.time_ns / NANOSECONDS, *now))
+        if self.simulator.complete and passage.max_q is not None:
+            self._report(
+                Level.OK,
+                f"greatest dynamic pressure {passage.max_q.dynamic_pressure_pa / 1e3:.2f} kPa "
+                f"at {passage.max_q.time_s:.1f} s",
+                {PASSAGE: passage.as_text()},
+            )
 
     def _say_event(self, event: FlightEvent) -> None:
         self._published_events.add(canonical(event))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
+from ares_models.passage import AirState, Passage
 from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, STATUS_FIELDS, RowSeries, Seen, Story
 
 MISSION = load_mission("ares_v")
@@ -138,3 +139,85 @@ def test_diagnostics_are_counted_and_bounded(story):
         "node": "guidance",
         "text": "text 0",
     }
+
+
+# ---- in the air
+
+
+def climbing(first, count):
+    """Make states of a climb from the pad: 30 kPa at 60 s, Mach 1 at 50 s."""
+    made = columns(first, count)
+    time = made["time"]
+    return made | {
+        "altitude": 300.0 * time,
+        "dynamic_pressure": 3e4 * np.exp(-(((time - 60.0) / 20.0) ** 2)) * (time > 0.0),
+        "mach": 0.02 * time,
+        "angle_of_attack": np.full(count, 0.1),
+        "axial_acceleration": np.full(count, 12.0),
+        "lateral_acceleration": np.full(count, 0.5),
+    }
+
+
+def about(story):
+    return story.news(Seen())[0]["about"]
+
+
+@pytest.fixture
+def from_pad():
+    story = Story()
+    story.begin(7, load_mission("delta_iii_pad"))
+    return story
+
+
+def test_a_flight_above_the_air_shows_nothing_of_it(story):
+    story.add_states(columns(0, 3))
+    told = about(story)
+    assert not any(told[name] for name in ("air", "in_air", "moments", "guidance"))
+    _, row = story.news(Seen())[0]["states"][-1]
+    shown = dict(zip(STATE_FIELDS, row, strict=True))
+    assert (shown["mach"], shown["heating_w_m2"]) == (None, 500.0)
+    assert told["limits"] == {"heating_w_m2": 1135.0}
+
+
+def test_mach_1_is_shown_at_once_and_max_q_when_it_is_past(from_pad):
+    from_pad.add_states(climbing(0, 61))
+    assert [moment["mark"] for moment in about(from_pad)["moments"]] == ["Mach 1"]
+    from_pad.add_states(climbing(61, 15))
+    told = about(from_pad)
+    assert told["in_air"]
+    marked = {moment["mark"]: moment["time_s"] for moment in told["moments"]}
+    assert marked == {"Mach 1": 50.0, "max q": 60.0}
+    assert told["moments"][1]["text"] == "greatest dynamic pressure: 30.00 kPa at 18.0 km"
+
+
+def test_what_the_simulator_tells_counts_in_the_end(from_pad):
+    from_pad.add_states(climbing(0, 150))
+    passage = Passage()
+    passage.max_q = AirState(60.1, 18_030.0, 900.0, 30_100.0, 1.2)
+    from_pad.set_passage(passage)
+    (moment,) = about(from_pad)["moments"]
+    assert moment["text"] == "greatest dynamic pressure: 30.10 kPa at 18.0 km"
+
+
+def test_in_the_air_its_numbers_are_shown_and_above_it_heating(from_pad):
+    from_pad.add_states(climbing(0, 150))
+    told = about(from_pad)
+    assert not told["in_air"]
+    left = told["left_air_s"]
+    rows = [dict(zip(STATE_FIELDS, r, strict=True)) for _, r in from_pad.news(Seen())[0]["states"]]
+    assert rows[0]["q_alpha_kpa_rad"] is None
+    assert rows[60]["dynamic_pressure_kpa"] == 30.0
+    assert rows[60]["q_alpha_kpa_rad"] == pytest.approx(30.0 * math.sin(0.1), abs=1e-4)
+    for row in rows:
+        assert (row["heating_w_m2"] is None) == (row["time_s"] < left)
+
+
+def test_guidance_flies_the_boost_programme_and_hands_over(from_pad):
+    known = {"time_s": 90.0, "time_to_go_s": math.nan, "cutoff_s": math.nan, "iterations": 0}
+    nowhere = (math.nan,) * 3
+    from_pad.add_status(known, nowhere, nowhere, boosts=True)
+    assert about(from_pad)["guidance"] == "boost programme"
+    from_pad.add_status(known | {"time_s": 91.0}, nowhere, nowhere)
+    told = about(from_pad)
+    assert told["guidance"] == "closed loop"
+    assert [(m["mark"], m["time_s"]) for m in told["moments"]] == [("hand-over", 91.0)]

@@ -4,6 +4,9 @@
 import sys
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ares_bags.files import find_file
 from ares_bringup.commands.report import recording_of
 from ares_bringup.options import ExportFormat, ExportTable
@@ -14,6 +17,8 @@ from ares_studies.export.czml import as_czml
 from ares_studies.export.kml import as_kml
 from ares_studies.export.recording import Export, ExportEvent
 from ares_studies.export.tables import as_csv, as_parquet, event_table, flight_table
+
+Array = NDArray[np.float64]
 
 EXIT_INCOMPLETE = 1
 
@@ -66,15 +71,26 @@ def _exported(flown: RecordedFlight) -> Export:
     return Export(
         recording=recording_of(find_file(flown.path).absolute().parent.name, flown),
         commands=flown.columns["thrust_command"],
-        events=[
-            ExportEvent(
-                time_s=event.time,
-                name=summary.event_name(event),
-                position=event.position,
-                velocity=event.velocity,
-                mass_kg=event.mass,
-            )
-            for event in summary.events
-        ],
+        events=_events(flown),
         verdict=VERDICTS[summary.outcome],
     )
+
+
+def _events(flown: RecordedFlight) -> list[ExportEvent]:
+    """List events, and moments at interpolated states, in the order of time."""
+    summary, truth = flown.summary, flown.columns["vehicle_state"]
+    found = [
+        ExportEvent(e.time, summary.event_name(e), e.position, e.velocity, e.mass)
+        for e in summary.events
+    ]
+    for moment in summary.moments:
+        position = _at(moment.time_s, truth["time"], truth["position"])
+        velocity = _at(moment.time_s, truth["time"], truth["velocity"])
+        found.append(ExportEvent(moment.time_s, moment.text, position, velocity, moment.mass_kg))
+    return sorted(found, key=lambda event: event.time_s)
+
+
+def _at(at: float, time: Array, vectors: Array) -> tuple[float, float, float]:
+    """Interpolate vectors, shape (n, 3)."""
+    x, y, z = (float(np.interp(at, time, axis)) for axis in vectors.T)
+    return x, y, z

@@ -2,6 +2,7 @@
 """Compose the page of an optimum: the parts of a flight's page, and the proof. No ROS."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,24 +18,27 @@ from ares_bringup.commands.optimize import (
 from ares_bringup.commands.report import (
     Told,
     account_of,
+    air_numbers,
     budget_table,
     compare,
+    guides,
     recording_of,
     told_of,
 )
-from ares_bringup.marks import apart
+from ares_bringup.marks import air_marks, apart
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight
 from ares_bringup.whole_file import write_whole
 from ares_models.arrays import BURN
 from ares_models.mission import Mission
+from ares_models.passage import passage_of
 from ares_models.software import software
 from ares_optimizer.solution import Solution
-from ares_studies.flight_page.budget import Budget
+from ares_studies.event_words import Moment, air_moments
 from ares_studies.flight_page.data import DrawnFlight, make_flight
 from ares_studies.flight_page.optimum import LAW, record_optimum
-from ares_studies.flight_page.page import Account, Happening, make_report, render
-from ares_studies.pages.parts import BLANK, Cell, Column, Guide, PageTable, Row, number, power, word
+from ares_studies.flight_page.page import Account, make_report, render
+from ares_studies.pages.parts import BLANK, Cell, Column, PageTable, Row, number, power, word
 
 COMMAND = "ares optimize"
 
@@ -57,15 +61,17 @@ def write_page(
         raise CannotStart(
             f"--beside is a flight of {flown.mission.name!r}; expected one of {mission.name!r}"
         )
-    flights = [make_flight(record_optimum(LAW, mission, solution))]
-    accounts = [_account(mission, solution, flights[0])]
+    recording = record_optimum(LAW, mission, solution)
+    flights = [make_flight(recording)]
+    moments = air_moments(passage_of(recording.truth)) if flights[0].air else []
+    accounts = [_account(mission, solution, flights[0], moments)]
     comparison = None
     kicker = f"Optimum, method {solution.method}"
     if flown is not None:
         name = f"flown, {flown.law}"
         flights.append(make_flight(recording_of(name, flown)))
-        accounts.append(account_of(name, flown, flights[1].budget))
-        told = [_told(solution, flights[0].budget), told_of(flown.summary, flights[1].budget)]
+        accounts.append(account_of(name, flown, flights[1]))
+        told = [_told(solution, flights[0]), told_of(flown.summary, flights[1])]
         comparison = compare([LAW, name], told)
         kicker += f", beside a flight by {flown.law}"
     report = make_report(flights, accounts, comparison, kicker, COMMAND)
@@ -77,14 +83,15 @@ def _verdict(solution: Solution) -> str:
     return word[0].upper() + word[1:]
 
 
-def _told(solution: Solution, budget: Budget) -> Told:
+def _told(solution: Solution, flight: DrawnFlight) -> Told:
     return Told(
         _verdict(solution),
         _known(solution.m_f_kg),
         _known(solution.t_meco_s),
         _known(solution.t_plf_s),
         {},
-        budget,
+        flight.budget,
+        flight.air,
     )
 
 
@@ -92,8 +99,11 @@ def _known(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _account(mission: Mission, solution: Solution, flight: DrawnFlight) -> Account:
-    events = _events(mission, solution, flight)
+def _account(
+    mission: Mission, solution: Solution, flight: DrawnFlight, moments: Sequence[Moment]
+) -> Account:
+    events = sorted((*_events(mission, solution, flight), *moments), key=lambda event: event.time_s)
+    words = _words(mission, solution)
     numbers = (
         ("final mass", solution.m_f_kg, 2, "kg"),
         ("cut-off", solution.t_meco_s, 3, "s"),
@@ -109,10 +119,13 @@ def _account(mission: Mission, solution: Solution, flight: DrawnFlight) -> Accou
         verdict=_verdict(solution),
         good=good,
         problems=() if good else (solution.reason,),
-        key_numbers=tuple(
-            (name, number(value, decimals).text, unit)
-            for name, value, decimals, unit in numbers
-            if math.isfinite(value)
+        key_numbers=(
+            *(
+                (name, number(value, decimals).text, unit)
+                for name, value, decimals, unit in numbers
+                if math.isfinite(value)
+            ),
+            *air_numbers(flight),
         ),
         facts=tuple(_facts(mission, solution).items()),
         tables={
@@ -122,7 +135,8 @@ def _account(mission: Mission, solution: Solution, flight: DrawnFlight) -> Accou
         },
         end="cut-off",
         events=events,
-        marks=_marks(mission, solution),
+        marks=guides(apart(words, solution.t_meco_s - solution.flown[0].start_s)),
+        air_marks=guides(air_marks(words, moments)),
         diagnostics=(),
     )
 
@@ -172,7 +186,7 @@ def steering_table(mission: Mission, solution: Solution) -> PageTable:
     return PageTable(tuple(Column(title) for title in titles), tuple(rows))
 
 
-def _events(mission: Mission, solution: Solution, flight: DrawnFlight) -> tuple[Happening, ...]:
+def _events(mission: Mission, solution: Solution, flight: DrawnFlight) -> list[Moment]:
     """List begin of each arc, jettisons and end, with the mass after each."""
     found = [(arc.start_s, f"begins: {mission.arc_names[arc.arc]}") for arc in solution.flown]
     found += [
@@ -183,26 +197,23 @@ def _events(mission: Mission, solution: Solution, flight: DrawnFlight) -> tuple[
     found.append((solution.t_meco_s, "main-engine cut-off"))
     states = flight.states
     rows = [int(np.searchsorted(states.time_s, at + 1e-6)) - 1 for at, _ in found]
-    happenings = [
-        Happening(at, text, float(states.mass_kg[max(row, 0)]))
+    return [
+        Moment(0, at, float(states.mass_kg[max(row, 0)]), text)
         for (at, text), row in zip(found, rows, strict=True)
     ]
-    return tuple(sorted(happenings, key=lambda happening: happening.time_s))
 
 
-def _marks(mission: Mission, solution: Solution) -> tuple[Guide, ...]:
-    """List the instants marked in the charts: jettisons, staging, coasts, cut-off."""
-    arcs = mission.arrays().arcs
-    words = {at: "jettison" for at in solution.jettison_times_s if math.isfinite(at)}
+def _words(mission: Mission, solution: Solution) -> dict[float, str]:
+    """Label the instants marked in the charts: jettisons, staging, coasts, cut-off."""
+    arcs, rises = mission.arrays().arcs, mission.vertical_rises
+    words = {round(at, 3): "jettison" for at in solution.jettison_times_s if math.isfinite(at)}
     for before, arc in pairwise(solution.flown):
         word = "ignition" if arcs[arc.arc]["kind"] == BURN else "coast"
         if arcs[arc.arc]["stage"] != arcs[before.arc]["stage"]:
             word = "staging"
-        words.setdefault(arc.start_s, word)
-    words.setdefault(solution.t_meco_s, "cut-off")
-    return tuple(
-        Guide(*mark) for mark in apart(words, solution.t_meco_s - solution.flown[0].start_s)
-    )
+        words.setdefault(round(arc.start_s, 3), "pitch-over" if before.arc in rises else word)
+    words.setdefault(round(solution.t_meco_s, 3), "cut-off")
+    return words
 
 
 def _price(value: float) -> Cell:

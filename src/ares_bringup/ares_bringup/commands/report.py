@@ -11,7 +11,7 @@ from pathlib import Path
 from ares_bags.files import find_file
 from ares_bags.writer import DATE_KEY, GUIDANCE_KEY, MACHINE_KEY
 from ares_bringup.insertion import orbit_of, orbit_state
-from ares_bringup.marks import marks_of
+from ares_bringup.marks import air_marks, marks_of, words_of
 from ares_bringup.observed import Diagnostic
 from ares_bringup.options import CannotStart
 from ares_bringup.outcomes import Outcome
@@ -20,12 +20,11 @@ from ares_bringup.report import ORBIT_ERRORS, number, shown_path
 from ares_bringup.summary import FlightSummary
 from ares_bringup.whole_file import write_whole
 from ares_studies.flight_page.budget import Budget
-from ares_studies.flight_page.data import Recording, make_flight
+from ares_studies.flight_page.data import AirPart, DrawnFlight, Recording, make_flight
 from ares_studies.flight_page.page import (
     MAX_FLIGHTS,
     Account,
     Complaint,
-    Happening,
     make_report,
     render,
 )
@@ -80,14 +79,12 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
     names = short_names(flown)
     flights = [make_flight(recording_of(name, one)) for name, one in zip(names, flown, strict=True)]
     accounts = [
-        account_of(name, one, flight.budget)
+        account_of(name, one, flight)
         for name, one, flight in zip(names, flown, flights, strict=True)
     ]
     comparison = None
     if len(flown) > 1:
-        told = [
-            told_of(one.summary, flight.budget) for one, flight in zip(flown, flights, strict=True)
-        ]
+        told = [told_of(one.summary, flight) for one, flight in zip(flown, flights, strict=True)]
         comparison = compare(names, told)
     write_whole(out, render(make_report(flights, accounts, comparison)).encode())
     return out
@@ -122,13 +119,13 @@ def _bag_name(path: Path) -> str:
 # ---- account of a flight
 
 
-def account_of(name: str, flown: RecordedFlight, budget: Budget) -> Account:
+def account_of(name: str, flown: RecordedFlight, flight: DrawnFlight) -> Account:
     """Describe a recorded flight.
 
     Args:
         name: unique on the page.
         flown: the flight.
-        budget: its delta-V budget.
+        flight: the same, ready to be drawn.
     """
     summary = flown.summary
     problems = summary.shortcomings()
@@ -143,16 +140,20 @@ def account_of(name: str, flown: RecordedFlight, budget: Budget) -> Account:
         verdict=verdict,
         good=not problems,
         problems=tuple(problems),
-        key_numbers=tuple(_key_numbers(summary)),
+        key_numbers=(*_key_numbers(summary), *air_numbers(flight)),
         facts=tuple(_facts(flown)),
-        tables={"Insertion": _insertion(summary), "Delta-V budget": budget_table(budget)},
+        tables={"Insertion": _insertion(summary), "Delta-V budget": budget_table(flight.budget)},
         end=ENDINGS.get(summary.outcome, "end"),
-        events=tuple(
-            Happening(event.time, summary.event_name(event), event.mass) for event in summary.events
-        ),
-        marks=tuple(Guide(*mark) for mark in marks_of(summary)),
+        events=summary.timeline,
+        marks=guides(marks_of(summary)),
+        air_marks=guides(air_marks(words_of(summary), summary.moments)),
         diagnostics=tuple(_complaints(summary.diagnostics)),
     )
+
+
+def guides(marks: Sequence[tuple[float, str]]) -> tuple[Guide, ...]:
+    """Return instants with their labels as lines of a chart."""
+    return tuple(Guide(*mark) for mark in marks)
 
 
 def _key_numbers(summary: FlightSummary) -> list[tuple[str, str, str]]:
@@ -169,6 +170,12 @@ def _key_numbers(summary: FlightSummary) -> list[tuple[str, str, str]]:
         for name, value, decimals, unit in values
         if value is not None
     ]
+
+
+def air_numbers(flight: DrawnFlight) -> list[tuple[str, str, str]]:
+    """List name, value, unit of the key figures in the air; none above it."""
+    air = flight.air
+    return [] if air is None else [("max q", number(air.max_q_pa / 1e3, 2), "kPa")]
 
 
 def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
@@ -308,6 +315,7 @@ class Told:
         m_f_kg, t_meco_s, t_plf_s: final mass, cut-off and jettison; None: unknown.
         errors: flown minus target, by the names of the judge.
         budget: its delta-V budget.
+        air: its part in the air; None: none.
     """
 
     verdict: str
@@ -316,9 +324,10 @@ class Told:
     t_plf_s: float | None
     errors: Mapping[str, float]
     budget: Budget
+    air: AirPart | None
 
 
-def told_of(summary: FlightSummary, budget: Budget) -> Told:
+def told_of(summary: FlightSummary, flight: DrawnFlight) -> Told:
     """Return the column of a recorded flight."""
     return Told(
         summary.verdict,
@@ -326,7 +335,8 @@ def told_of(summary: FlightSummary, budget: Budget) -> Told:
         summary.t_meco_s,
         summary.t_plf_s,
         summary.insertion_error,
-        budget,
+        flight.budget,
+        flight.air,
     )
 
 
@@ -340,6 +350,13 @@ def compare(names: Sequence[str], told: Sequence[Told]) -> PageTable:
     ]
     if any(one.t_plf_s is not None for one in told):
         rows.append(_compared("jettison, s", [one.t_plf_s for one in told], 3))
+    if any(one.air for one in told):
+        for label, field in (
+            ("max q, kPa", "max_q_pa"),
+            ("max q alpha, kPa rad", "max_q_alpha_pa_rad"),
+        ):
+            most = [getattr(one.air, field) / 1e3 if one.air else None for one in told]
+            rows.append(_compared(label, most, 3))
     for key in dict.fromkeys(key for one in told for key in one.errors):
         name, unit, _ = QUANTITIES[key]
         label = f"error of {name},{unit}" if unit else f"error of {name}"

@@ -12,6 +12,7 @@ import typer
 
 from ares_bringup.options import (
     FOXGLOVE_PORT,
+    FROM_THE_PAD,
     MAX_DOMAIN_ID,
     MAX_FLIGHTS,
     MAX_PORT,
@@ -48,7 +49,7 @@ PACE_TO_WATCH = 10.0
 @app.command(epilog=EXIT_STATUSES)
 @with_settings()
 def fly(
-    mission: MissionOption = "ares_v",
+    mission: MissionOption = FROM_THE_PAD,
     guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="All nodes in one process.")

@@ -17,19 +17,21 @@ from ares_studies.flight_page.data import Columns, States, phases_of, states_fro
 
 #: Unit by suffix of the column name, longest suffix first.
 UNITS = {
+    "_pa_rad": "Pa rad",
     "_m_s2": "m/s2",
     "_w_m2": "W/m2",
     "_per_s": "1/s",
     "_m_s": "m/s",
     "_deg": "deg",
     "_kg": "kg",
+    "_pa": "Pa",
     "_n": "N",
     "_m": "m",
     "_s": "s",
 }
 #: Columns without a unit: counts, words, ratios, components of unit vectors.
 PLAIN = frozenset(
-    ("sequence", "arc", "arc_name", "phase", "jettisoned", "eccentricity", "event")
+    ("sequence", "arc", "arc_name", "phase", "jettisoned", "eccentricity", "mach", "event")
     + tuple(f"{whose}_direction_{axis}" for whose in ("thrust", "command") for axis in "xyz")
     + ("guidance_cycle", "guidance_converged", "guidance_iterations", "guidance_stale_cycles")
 )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_studies.flight_page.data import DrawnFlight, span_of
+from ares_studies.flight_page.data import AirLimit, DrawnFlight, span_of
 from ares_studies.flight_page.land import coasts, land_on
 from ares_studies.pages.parts import (
     Axis,
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 ROLES: tuple[Role, ...] = ("here", "thesis", "other", "otis", "third")
 #: Style of the first, second and third line of each of several overlaid flights.
 _SHAPES: tuple[Shape, ...] = ("line", "dashes", "dots")
+#: Share of a limit that optima are free to pass it by.
+_REACHED = 1e-3
 #: Margin above and below a level line, in units of its last decimal.
 _LEVEL_ROOM = 5.0
 
@@ -48,6 +50,15 @@ class Line:
 
 
 @dataclass(frozen=True)
+class LevelLine:
+    """Hold a horizontal line: its height, its name, and how far one flight stays from it."""
+
+    at: float
+    text: str
+    spare: str = ""
+
+
+@dataclass(frozen=True)
 class Chart:
     """Define a chart.
 
@@ -56,9 +67,10 @@ class Chart:
         see: hint for the reader.
         axis: name and unit of y.
         lines: of a flight; empty without data.
-        level: name and height of a horizontal line; None: none.
+        levels: horizontal lines.
         x: name and unit of x; None: mission elapsed time.
         least: least range of the y axis, in its unit.
+        in_air: over the part of the flight in the air.
         is_map: longitude and latitude, with coasts, at full width.
     """
 
@@ -66,9 +78,10 @@ class Chart:
     see: str
     axis: Axis
     lines: Callable[[DrawnFlight], Sequence[Line]]
-    level: Callable[[DrawnFlight], tuple[str, float] | None] = lambda _flight: None
+    levels: Callable[[DrawnFlight], Sequence[LevelLine]] = lambda _flight: ()
     x: Axis | None = None
     least: float = 0.0
+    in_air: bool = False
     is_map: bool = False
 
 
@@ -127,18 +140,57 @@ def _optimality(*columns: tuple[str, str, int]) -> Callable[[DrawnFlight], Seque
     return lines
 
 
-def _zero(flight: DrawnFlight) -> tuple[str, float] | None:
-    return None if flight.optimality is None else ("", 0.0)
+def _zero(flight: DrawnFlight) -> Sequence[LevelLine]:
+    return () if flight.optimality is None else (LevelLine(0.0, ""),)
 
 
 def _heating(flight: DrawnFlight) -> Sequence[Line]:
-    heating = flight.states.heating_w_m2
-    return [Line("", flight.states.time_s, np.where(heating > 0.0, heating, np.nan), 4)]
+    time, heating = flight.states.time_s, flight.states.heating_w_m2
+    # in the air molecules do not come one by one
+    counts = heating > 0.0 if flight.air is None else time > flight.air.until_s
+    return [Line("", time, np.where(counts, heating, np.nan), 4)]
 
 
-def _heating_limit(flight: DrawnFlight) -> tuple[str, float] | None:
+def _heating_limit(flight: DrawnFlight) -> Sequence[LevelLine]:
     limit = flight.heating_limit_w_m2
-    return None if limit is None else (f"limit, {limit:,.0f} W/m2", limit)
+    return () if limit is None else (LevelLine(limit, f"limit, {limit:,.0f} W/m2"),)
+
+
+def _in_air(
+    *columns: tuple[str, str, float, int],
+) -> Callable[[DrawnFlight], Sequence[Line]]:
+    """Make lines of the part in the air: name, column of the states, scale and decimals of each."""
+
+    def lines(flight: DrawnFlight) -> Sequence[Line]:
+        if flight.air is None:
+            return []
+        time = flight.states.time_s
+        rows = time <= flight.air.until_s
+        return [
+            Line(name, time[rows], scale * getattr(flight.states, column)[rows], digits)
+            for name, column, scale, digits in columns
+        ]
+
+    return lines
+
+
+def _air_limits(column: str, unit: str) -> Callable[[DrawnFlight], Sequence[LevelLine]]:
+    """Make lines of the limits of a column of the states, in thousands of its unit."""
+
+    def spare(limit: AirLimit) -> str:
+        left = limit.limit - limit.most
+        if abs(left) < _REACHED * limit.limit:
+            return ", reached"
+        return f", {1e-3 * abs(left):,.2f} " + ("to spare" if left > 0.0 else "beyond it")
+
+    def levels(flight: DrawnFlight) -> Sequence[LevelLine]:
+        return [
+            LevelLine(1e-3 * limit.limit, f"limit, {1e-3 * limit.limit:,g} {unit}", spare(limit))
+            for limit in (flight.air.limits if flight.air else ())
+            if limit.column == column
+        ]
+
+    return levels
 
 
 def _guidance(
@@ -237,7 +289,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart("Thrust", "Of all engines.", Axis("thrust", "kN"), _state("thrust_n", 1e-3, 2)),
             Chart(
                 "Acceleration",
-                "As sensed on board: thrust over mass.",
+                "As sensed on board, along the thrust.",
                 Axis("acceleration", "m/s2"),
                 _state("acceleration_m_s2", digits=4),
             ),
@@ -247,6 +299,52 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 Axis("heating rate", "W/m2", log=True),
                 _heating,
                 _heating_limit,
+            ),
+        ),
+    ),
+    (
+        "In the air",
+        "From the pad until the air is thin, with what the air does to the vehicle there.",
+        (
+            Chart(
+                "Dynamic pressure",
+                "Half the density times the square of the speed against the air.",
+                Axis("dynamic pressure", "kPa"),
+                _in_air(("", "dynamic_pressure_pa", 1e-3, 4)),
+                _air_limits("dynamic_pressure_pa", "kPa"),
+                in_air=True,
+            ),
+            Chart(
+                "Mach number",
+                "Speed against the air over the speed of sound.",
+                Axis("Mach number", ""),
+                _in_air(("", "mach", 1.0, 4)),
+                in_air=True,
+            ),
+            Chart(
+                "Angle of attack",
+                "From the velocity against the air to the thrust.",
+                Axis("angle of attack", "deg"),
+                _in_air(("", "angle_of_attack_deg", 1.0, 4)),
+                in_air=True,
+            ),
+            Chart(
+                "Q alpha",
+                "Dynamic pressure times the sine of the angle of attack: what bends the vehicle.",
+                Axis("q alpha", "kPa rad"),
+                _in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
+                _air_limits("q_alpha_pa_rad", "kPa rad"),
+                in_air=True,
+            ),
+            Chart(
+                "Loads",
+                "Acceleration by thrust and air, along the thrust and across it.",
+                Axis("acceleration", "m/s2"),
+                _in_air(
+                    ("axial", "acceleration_m_s2", 1.0, 4),
+                    ("lateral", "lateral_acceleration_m_s2", 1.0, 4),
+                ),
+                in_air=True,
             ),
         ),
     ),
@@ -371,18 +469,23 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
 
 
 def make_chapters(
-    flights: Sequence[DrawnFlight], names: Sequence[str], instants: Sequence[Guide]
+    flights: Sequence[DrawnFlight],
+    names: Sequence[str],
+    instants: Sequence[Guide],
+    in_air: Sequence[Guide] = (),
 ) -> tuple[Chapter, ...]:
     """Make the charts of some flights, numbered; leave out those without data.
 
     Args:
         flights: one, or several overlaid.
         names: of the flights, for legends.
-        instants: to mark in each chart.
+        instants: to mark in each chart over the whole flight.
+        in_air: to mark in each chart over its part in the air.
     """
     first, last = span_of(flights)
-    room = 0.01 * (last - first)
-    time = Axis("mission elapsed time", "s", span=(first - room, last + room))
+    times = _time(first, last), instants
+    left = max((flight.air.until_s for flight in flights if flight.air), default=last)
+    air_times = _time(first, left), [mark for mark in in_air if mark.at <= left]
     chapters: list[Chapter] = []
     figures = 0
     for title, text, charts in CHAPTERS:
@@ -393,7 +496,11 @@ def make_chapters(
                 continue
             figures += 1
             axis = _with_room(chart.axis, series, chart.least)
-            figure = Figure(time, axis, series, tuple(instants), _levels(chart, flights))
+            time, marked = air_times if chart.in_air else times
+            levels = _levels(chart, flights)
+            if chart.in_air and levels:
+                axis = _with_levels(axis, series, levels)
+            figure = Figure(time, axis, series, tuple(marked), levels)
             if chart.x is not None:
                 figure = replace(figure, x=chart.x, instants=())
             if chart.is_map:
@@ -404,6 +511,11 @@ def make_chapters(
         if items:
             chapters.append(Chapter(len(chapters) + 1, title, text, tuple(items)))
     return tuple(chapters)
+
+
+def _time(first: float, last: float) -> Axis:
+    room = 0.01 * (last - first)
+    return Axis("mission elapsed time", "s", span=(first - room, last + room))
 
 
 def _series(
@@ -461,10 +573,22 @@ def _with_land(figure: Figure, flight: DrawnFlight) -> Figure:
 
 
 def _levels(chart: Chart, flights: Sequence[DrawnFlight]) -> tuple[Guide, ...]:
-    """Return the horizontal line that all flights share."""
-    levels = {chart.level(flight) for flight in flights}
-    level = levels.pop()
-    return () if levels or level is None else (Guide(level[1], level[0]),)
+    """Return the horizontal lines that all flights share; of one flight, with what it spares."""
+    first, *others = (chart.levels(flight) for flight in flights)
+    known = [{(level.at, level.text) for level in levels} for levels in others]
+    return tuple(
+        Guide(level.at, level.text + ("" if others else level.spare))
+        for level in first
+        if all((level.at, level.text) in levels for levels in known)
+    )
+
+
+def _with_levels(axis: Axis, series: Sequence[Series], levels: Sequence[Guide]) -> Axis:
+    """Widen an axis so that horizontal lines and their words show."""
+    values = [y for one in series for y in one.y if y is not None]
+    values += [level.at for level in levels]
+    low, high = min(values), max(values)
+    return replace(axis, span=(low - 0.03 * (high - low), high + 0.12 * (high - low)))
 
 
 def _with_room(axis: Axis, series: Sequence[Series], at_least: float) -> Axis:

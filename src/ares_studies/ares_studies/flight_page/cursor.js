@@ -215,9 +215,10 @@ function link(plot) {
       return;
     }
     zooming = true;
-    const figure = figures[plot.dataset.key];
-    const range = change["xaxis.autorange"] ? figure.x.span : [...plot._fullLayout.xaxis.range];
-    for (const other of timed) await Plotly.relayout(other, { "xaxis.range": [...range] });
+    const range = change["xaxis.autorange"] ? null : [...plot._fullLayout.xaxis.range];
+    for (const other of timed) {
+      await Plotly.relayout(other, { "xaxis.range": [...(range || figures[other.dataset.key].x.span)] });
+    }
     zooming = false;
     update();
   });

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_guidance.arrays import PHASE_BOOST
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
+from ares_models.passage import THIN_AIR_PA
+from ares_models.plans import flies_in_air
 from ares_studies.flight_page.budget import Budget, make_budget, propellant_left
 from ares_studies.flight_page.geometry import (
     GroundTrack,
@@ -97,9 +100,13 @@ class States:
         speed_m_s, relative_speed_m_s: inertial, and relative to the rotating air.
         flight_path_angle_deg: of the inertial velocity.
         pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state of a flight, which precedes
-            the first command.
+            the first command, as are the angle of attack and what it makes.
         mass_kg, thrust_n: of the vehicle.
-        acceleration_m_s2: thrust over mass, as sensed by accelerometers.
+        acceleration_m_s2: along the thrust, by thrust and air, as sensed by accelerometers.
+        lateral_acceleration_m_s2: the same across the thrust; nan: unknown.
+        dynamic_pressure_pa, mach: of the speed relative to the air; nan: unknown.
+        angle_of_attack_deg: from the velocity relative to the air to the thrust; nan: unknown.
+        q_alpha_pa_rad: dynamic pressure times sine of the angle of attack; nan: unknown.
         heating_w_m2: free molecular heating.
         perigee_m, apogee_m: of the osculating orbit above the equatorial radius; nan: none.
         inclination_deg, eccentricity: of the osculating orbit.
@@ -117,6 +124,11 @@ class States:
     mass_kg: Array
     thrust_n: Array
     acceleration_m_s2: Array
+    lateral_acceleration_m_s2: Array
+    dynamic_pressure_pa: Array
+    mach: Array
+    angle_of_attack_deg: Array
+    q_alpha_pa_rad: Array
     heating_w_m2: Array
     perigee_m: Array
     apogee_m: Array
@@ -124,6 +136,31 @@ class States:
     eccentricity: Array
     range_m: Array
     track: GroundTrack
+
+
+@dataclass(frozen=True)
+class AirLimit:
+    """Hold a limit of the mission in the air: a column of States, its limit, its greatest value."""
+
+    column: str
+    limit: float
+    most: float
+
+
+@dataclass(frozen=True)
+class AirPart:
+    """Hold the part of a flight in the air.
+
+    Attributes:
+        until_s: its last instant, mission elapsed time.
+        max_q_pa, max_q_alpha_pa_rad: greatest dynamic pressure, and times angle of attack.
+        limits: those of the mission.
+    """
+
+    until_s: float
+    max_q_pa: float
+    max_q_alpha_pa_rad: float
+    limits: tuple[AirLimit, ...]
 
 
 @dataclass(frozen=True)
@@ -161,6 +198,7 @@ class DrawnFlight:
         impact_time_s: times of the impact points, shape (m,).
         impact: instantaneous impact points.
         heating_limit_w_m2: lowest limit of the mission; None: none.
+        air: its part in the air; None: it is above the air all the time.
         propellant_kg: left in the running stage, per state, from the mission's masses.
         budget: delta-V budget.
         optimality: of an optimum; None: a flown flight.
@@ -176,6 +214,7 @@ class DrawnFlight:
     impact_time_s: Array
     impact: GroundTrack
     heating_limit_w_m2: float | None
+    air: AirPart | None
     propellant_kg: Array
     budget: Budget
     optimality: Optimality | None
@@ -207,10 +246,42 @@ def make_flight(recording: Recording) -> DrawnFlight:
             mission.earth(),
         ),
         heating_limit_w_m2=min(limits, default=None),
+        air=_air_part(truth, recording.status, mission),
         propellant_kg=left[rows],
         budget=make_budget(truth, left, mission),
         optimality=recording.optimality,
     )
+
+
+def _air_part(truth: Columns, status: Columns, mission: Mission) -> AirPart | None:
+    """Find the part of a flight in the air, with the boost programme that is flown there."""
+    arcs = mission.arrays().arcs
+    if "dynamic_pressure" not in truth or not flies_in_air(arcs):
+        return None
+    pressure = truth["dynamic_pressure"]
+    thick = np.flatnonzero(pressure >= THIN_AIR_PA)
+    if not len(thick):
+        return None
+    values = {
+        "dynamic_pressure_pa": pressure,
+        "q_alpha_pa_rad": pressure * np.sin(truth["angle_of_attack"]),
+    }
+    running = np.minimum(truth["arc"], len(arcs) - 1)
+    limits = [
+        AirLimit(column, limit, float(np.max(values[column][arcs[key][running] == limit])))
+        for key, column in (
+            ("max_dynamic_pressure", "dynamic_pressure_pa"),
+            ("max_q_alpha", "q_alpha_pa_rad"),
+        )
+        for limit in np.unique(arcs[key][running]).tolist()
+        if math.isfinite(limit)
+    ]
+    until = truth["time"][thick[-1]]
+    boosts = np.flatnonzero(status["phase"] == PHASE_BOOST) if "phase" in status else np.empty(0)
+    if len(boosts):
+        until = max(until, status["time"][min(int(boosts[-1]) + 1, len(status["time"]) - 1)])
+    most = {column: float(np.max(of)) for column, of in values.items()}
+    return AirPart(float(until), most["dynamic_pressure_pa"], most["q_alpha_pa_rad"], tuple(limits))
 
 
 def _spread(count: int, most: int) -> NDArray[np.intp]:
@@ -246,7 +317,7 @@ def phases_of(truth: Columns, mission: Mission) -> tuple[Phase, ...]:
 
 
 def phase_name(arc: int, gone: int, mission: Mission) -> str:
-    """Name a phase: its arc, and the last part dropped.
+    """Name a phase: its arc, and the last part dropped that is no booster.
 
     Args:
         arc: its index.
@@ -255,7 +326,8 @@ def phase_name(arc: int, gone: int, mission: Mission) -> str:
     """
     names = mission.arc_names
     name = names[arc] if arc < len(names) else f"arc {arc}"
-    dropped = [part for k, part in enumerate(mission.jettison_names) if gone >> k & 1]
+    # boosters that burn are in the name of the arc
+    dropped = [part.name for k, part in enumerate(mission.jettisons) if gone >> k & 1]
     return f"{name}, after {dropped[-1]}" if dropped else name
 
 
@@ -263,8 +335,14 @@ def states_from_start(truth: Columns, mission: Mission) -> States:
     """Compute the states of a whole flight; the first precedes any command and has no attitude."""
     states = states_of(truth, mission)
     if len(states.time_s) > 1:
-        states.pitch_deg[0] = states.yaw_deg[0] = math.nan
+        for values in attitude_of(states):
+            values[0] = math.nan
     return states
+
+
+def attitude_of(states: States) -> tuple[Array, ...]:
+    """Return what is unknown of a state that precedes any command."""
+    return states.pitch_deg, states.yaw_deg, states.angle_of_attack_deg, states.q_alpha_pa_rad
 
 
 def states_of(truth: Columns, mission: Mission) -> States:
@@ -278,6 +356,9 @@ def states_of(truth: Columns, mission: Mission) -> States:
     pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
     earth = mission.earth()
     track = ground_track(truth["time"], position, earth)
+    # bags of old do not tell of the air
+    unknown = np.full(len(position), math.nan)
+    pressure, attack = (truth.get(k, unknown) for k in ("dynamic_pressure", "angle_of_attack"))
     orbit = np.array(
         [
             _orbit(r, v, mission.environment.mu_m3_s2)
@@ -294,7 +375,12 @@ def states_of(truth: Columns, mission: Mission) -> States:
         yaw_deg=yaw,
         mass_kg=truth["mass"],
         thrust_n=truth["thrust"],
-        acceleration_m_s2=truth["thrust"] / truth["mass"],
+        acceleration_m_s2=truth.get("axial_acceleration", truth["thrust"] / truth["mass"]),
+        lateral_acceleration_m_s2=truth.get("lateral_acceleration", unknown),
+        dynamic_pressure_pa=pressure,
+        mach=truth.get("mach", unknown),
+        angle_of_attack_deg=np.degrees(attack),
+        q_alpha_pa_rad=pressure * np.sin(attack),
         heating_w_m2=truth["heating_rate"],
         perigee_m=orbit[:, 0] - earth.equatorial_radius,
         apogee_m=orbit[:, 1] - earth.equatorial_radius,

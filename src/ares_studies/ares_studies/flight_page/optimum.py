@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from ares_models.arrays import BURN, Record
-from ares_models.kernels.environment import altitude
+from ares_models.arrays import BURN, MissionArrays, Record
+from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
+from ares_models.kernels.environment import altitude, relative_velocity
 from ares_models.kernels.states import insertion_quantities
 from ares_models.mission import Mission
+from ares_models.plans import flies_in_air
 from ares_optimizer.solution import FlownArc, Solution, Trajectory
-from ares_studies.flight_page.data import Optimality, Recording
+from ares_studies.flight_page.data import Columns, Optimality, Recording
 from ares_studies.flight_page.geometry import local_axes
 
 Array = NDArray[np.float64]
@@ -23,6 +25,8 @@ Array = NDArray[np.float64]
 #: Law name of an optimum.
 LAW = "optimum"
 _NOTHING = {"time": np.empty(0)}
+#: Speed against the air, m/s, below which there is no angle of attack.
+AT_REST_M_S = 1.0
 #: Relative accuracy with which a throttled burn holds its acceleration limit.
 _AT_LIMIT = 1e-9
 
@@ -67,6 +71,9 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
         "arc": _arcs(track.time_s, solution.flown),
         "jettisoned": _jettisoned(track.time_s, mission, solution),
     }
+    arrays = mission.arrays()
+    if flies_in_air(arrays.arcs):
+        truth |= _in_air(truth, arrays)
     return Recording(
         name=name,
         law=LAW,
@@ -76,6 +83,40 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
         status=_NOTHING,
         optimality=optimality_of(mission, solution),
     )
+
+
+def _in_air(truth: Columns, arrays: MissionArrays) -> dict[str, Array]:
+    """Compute the columns of VehicleState that tell of the air, thrust less ambient pressure."""
+    surroundings = arrays.environment[0], arrays.atmosphere
+    found = np.zeros((len(truth["time"]), 6))
+    for i, height in enumerate(truth["altitude"].tolist()):
+        arc = arrays.arcs[truth["arc"][i]]
+        r, v = tuple(truth["position"][i]), tuple(truth["velocity"][i])
+        u, thrust = truth["thrust_direction"][i], float(truth["thrust"][i])
+        if thrust > 0.0:
+            thrust = max(0.0, thrust - pressure_loss(arc, r, *surroundings))
+        force = thrust * u + np.array(drag(arc, r, v, *surroundings))
+        axial = float(force @ u)
+        air, speed = air_at(height, *surroundings), float(truth["relative_speed"][i])
+        wind = np.array(relative_velocity(r, v, surroundings[0]))
+        across = float(np.linalg.norm(np.cross(wind, u)))
+        found[i] = (
+            thrust,
+            axial,
+            float(np.linalg.norm(force - axial * u)),
+            0.5 * air.density * speed * speed,
+            speed / air.sound,
+            math.atan2(across, float(wind @ u)) if speed > AT_REST_M_S else 0.0,
+        )
+    mass = truth["mass"]
+    return {
+        "thrust": found[:, 0],
+        "axial_acceleration": found[:, 1] / mass,
+        "lateral_acceleration": found[:, 2] / mass,
+        "dynamic_pressure": found[:, 3],
+        "mach": found[:, 4],
+        "angle_of_attack": found[:, 5],
+    }
 
 
 def _passed(time: Array, instants: Sequence[float]) -> NDArray[np.bool_]:
@@ -110,13 +151,16 @@ def _jettisoned(time: Array, mission: Mission, solution: Solution) -> NDArray[np
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Hold the interval between two events at the times of the costates: shape (n,) and (n, 3)."""
+    """Hold the interval between two events at the times of the costates, shape (n,).
+
+    `pushed` is lambda_v . F, with the force of thrust and air.
+    """
 
     rows: NDArray[np.intp]
     time: Array
     mass: Array
     thrust: Array
-    along: Array
+    pushed: Array
     size: Array
     hamiltonian: Array
 
@@ -124,17 +168,18 @@ class _Stretch:
 def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
     """Compute the optimality conditions along an optimum; None if the method has no costates.
 
-    Along a burn H = lambda_r . V + lambda_v . (g + u T/m) - (mu + c) b, with b the mass flow, mu
-    the mass costate and c the propellant multiplier of free burns. The switching function is
-    c_e |lambda_v| / m - mu - c, divided by c: the gain of final mass, kg, per kg of propellant
-    burnt there, beyond its cost. It is zero at the ends of free burns.
+    Along a burn H = lambda_r . V + lambda_v . (g + F/m) - (mu + c) b, with F the force of thrust
+    and air, b the mass flow, mu the mass costate and c the propellant multiplier of free burns. The
+    switching function is c_e |lambda_v| / m - mu - c, divided by c: the gain of final mass, kg, per
+    kg of propellant burnt there, beyond its cost. It is zero at the ends of free burns.
 
     Source: Bryson and Ho, Applied Optimal Control, sections 3.5 and 3.6.
     """
     costates, track = solution.costates, solution.trajectory
     if costates is None or track is None:
         return None
-    arcs = mission.arrays().arcs
+    arrays = mission.arrays()
+    arcs = arrays.arcs
     time = costates.time_s
     switching = np.full(len(time), math.nan)
     total = costates.hamiltonian.copy()
@@ -146,7 +191,7 @@ def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
         following = arcs[min(flown.arc + 1, len(arcs) - 1)]
         drops = following["stage"] != arc["stage"]
         mu = 0.0 if drops else mu
-        pieces = _cut(solution, track, flown)
+        pieces = _cut(solution, track, flown, arrays)
         if free:
             value = _per_flow(pieces[-1], speed)
             if price == 0.0:
@@ -191,7 +236,9 @@ def _held(arc: Record, flown: FlownArc) -> bool:
     return any(abs(length - bound) < 1e-6 for bound in bounds)
 
 
-def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretch]:
+def _cut(
+    solution: Solution, track: Trajectory, flown: FlownArc, arrays: MissionArrays
+) -> list[_Stretch]:
     """Divide an arc at its jettisons; each interval has both its ends."""
     costates = solution.costates
     assert costates is not None
@@ -205,18 +252,33 @@ def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretc
             [np.interp(time, samples, track.direction[own, k]) for k in range(3)]
         )
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        thrust = np.interp(time, samples, track.thrust[own])
+        force = thrust[:, None] * direction
+        if flies_in_air(arrays.arcs):
+            force += _air_force(_at(track, time), direction, arrays.arcs[flown.arc], arrays)
         pieces.append(
             _Stretch(
                 rows=rows,
                 time=time,
                 mass=np.interp(time, samples, track.mass[own]),
-                thrust=np.interp(time, samples, track.thrust[own]),
-                along=np.sum(costates.lambda_v[rows] * direction, axis=1),
+                thrust=thrust,
+                pushed=np.sum(costates.lambda_v[rows] * force, axis=1),
                 size=np.linalg.norm(costates.lambda_v[rows], axis=1),
                 hamiltonian=costates.hamiltonian[rows],
             )
         )
     return pieces
+
+
+def _air_force(state: Array, direction: Array, arc: Record, arrays: MissionArrays) -> Array:
+    """Compute drag, and what ambient pressure takes of the thrust, N, shape (n, 3)."""
+    surroundings = arrays.environment[0], arrays.atmosphere
+    found = []
+    for row, along in zip(state, direction, strict=True):
+        r, v = tuple(row[:3].tolist()), tuple(row[3:].tolist())
+        lost = pressure_loss(arc, r, *surroundings)
+        found.append(np.array(drag(arc, r, v, *surroundings)) - lost * along)
+    return np.array(found)
 
 
 def _between(time: Array, begin: float, end: float) -> NDArray[np.intp]:
@@ -235,7 +297,7 @@ def _mass_costate(piece: _Stretch, arc: Record, end: float, costs: float) -> Arr
     """Integrate the mass costate along an interval backwards from its end value, shape (n,)."""
     acceleration = piece.thrust / piece.mass
     throttled = acceleration > float(arc["max_acceleration"]) * (1.0 - _AT_LIMIT)
-    fixed = piece.along * acceleration / piece.mass
+    fixed = piece.pushed / piece.mass**2
     if not np.any(throttled):
         rise = CubicSpline(piece.time, fixed).antiderivative()(piece.time)
         return np.asarray(end + rise - rise[-1])

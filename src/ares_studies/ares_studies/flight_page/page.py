@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ares_studies.event_words import Moment
 from ares_studies.flight_page.charts import ROLES, make_chapters
 from ares_studies.flight_page.data import DrawnFlight
 from ares_studies.flight_page.globe import Globe, make_globe
@@ -13,15 +14,6 @@ from ares_studies.pages.templates import make_environment, one_line, render_repo
 
 #: Most flights on a page, one colour each.
 MAX_FLIGHTS = len(ROLES)
-
-
-@dataclass(frozen=True)
-class Happening:
-    """Hold an event of a flight: time (s), text, mass after it (kg)."""
-
-    time_s: float
-    text: str
-    mass_kg: float
 
 
 @dataclass(frozen=True)
@@ -53,7 +45,8 @@ class Account:
             flight.
         end: label of the last mark on the globe.
         events: in the order of time.
-        marks: instants for the charts.
+        marks: instants for the charts over the whole flight.
+        air_marks: instants for the charts over its part in the air.
         diagnostics: complaints of nodes.
     """
 
@@ -68,8 +61,9 @@ class Account:
     facts: tuple[tuple[str, str], ...]
     tables: Mapping[str, PageTable | None]
     end: str
-    events: tuple[Happening, ...]
+    events: Sequence[Moment]
     marks: tuple[Guide, ...]
+    air_marks: tuple[Guide, ...]
     diagnostics: tuple[Complaint, ...]
 
 
@@ -120,7 +114,7 @@ def make_report(
         kicker = f"{len(flights)} flights over each other"
     names = [account.name for account in accounts]
     titles = list(dict.fromkeys(account.title for account in accounts))
-    marks = accounts[0].marks if len(flights) == 1 else ()
+    marks = (accounts[0].marks, accounts[0].air_marks) if len(flights) == 1 else ((), ())
     return FlightReport(
         title=" and ".join(titles),
         kicker=kicker or f"Flight report, guidance {accounts[0].law}",
@@ -128,7 +122,7 @@ def make_report(
         accounts=tuple(accounts),
         roles=ROLES[: len(flights)],
         comparison=comparison,
-        chapters=make_chapters(flights, names, marks),
+        chapters=make_chapters(flights, names, *marks),
         globe=make_globe(flights, names, [account.end for account in accounts]),
         placed=all(flight.mission.zero_longitude_deg is not None for flight in flights),
     )

@@ -75,14 +75,12 @@ function placed(plot, instants, [low, high]) {
   // less what numbers of the vertical axis take
   const width = plot.clientWidth - 76;
   const ends = Array(ROWS).fill(-Infinity);
-  const next = instants.findLastIndex(({ text }) => text);
-  return instants.map(({ at, text }, i) => {
+  return instants.map(({ at, text }) => {
     if (!text) return null;
     const x = width * (at - low) / (high - low), size = pen.measureText(text).width + 8;
     for (let row = 0; row < ROWS; row++) {
       const sides = [["left", x, x + size], ["right", x - size, x]];
-      const side = (i === next ? sides.reverse() : sides)
-        .find(([, begin, end]) => begin >= Math.max(ends[row], -30) && end <= width + 8);
+      const side = sides.find(([, begin, end]) => begin >= Math.max(ends[row], -30) && end <= width + 8);
       if (side) {
         ends[row] = side[2];
         return { xanchor: side[0], yshift: row * ROW };

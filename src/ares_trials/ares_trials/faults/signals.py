@@ -52,13 +52,15 @@ class Verb:
     moments: float = MOMENTS
 
 
+#: Mission of its flights, which needs no plan.
+FLOWN = ("--mission", "ares_v")
 VERBS = {
-    "fly": Verb(("fly", "--pace", "200", "--bag", "{new}"), (130, 143)),
+    "fly": Verb(("fly", *FLOWN, "--pace", "200", "--bag", "{new}"), (130, 143)),
     "fly --in-process": Verb(
-        ("fly", "--in-process", "--pace", "200", "--bag", "{new}"), (130, 143)
+        ("fly", *FLOWN, "--in-process", "--pace", "200", "--bag", "{new}"), (130, 143)
     ),
     "fly --live": Verb(
-        ("fly", "--live", "--no-browser", "--pace", "200", "--bag", "{new}"), (130, 143)
+        ("fly", *FLOWN, "--live", "--no-browser", "--pace", "200", "--bag", "{new}"), (130, 143)
     ),
     "montecarlo": Verb(("montecarlo", "-n", "30000", "--workers", "1", "--out", "{new}")),
     "optimize": Verb(("optimize", "--method", "direct20")),
@@ -87,7 +89,7 @@ def _a_bag() -> Path:
     folder = Path(tempfile.mkdtemp(prefix="ares-fault-bag-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     bag = folder / "bag"
-    words = ("fly", "--in-process", "--bag", str(bag))
+    words = ("fly", *FLOWN, "--in-process", "--bag", str(bag))
     subprocess.run(
         [sys.executable, "-m", "ares_bringup", *words], check=True, capture_output=True, timeout=300
     )

@@ -53,8 +53,9 @@ TEXTS = """() => {
   return found;
 }"""
 
-#: Script that lists per figure: size, traces, labels that overlap or are cropped.
-FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
+#: Script that lists per visible figure: size, traces, labels that overlap or are cropped.
+FIGURES = """() => [...document.querySelectorAll(".plot")]
+  .filter((plot) => plot.checkVisibility()).map((plot) => {
   const frame = plot.getBoundingClientRect();
   const words = [...plot.querySelectorAll("svg text")]
     .map((text) => [text.textContent, text.getBoundingClientRect()])

@@ -63,25 +63,25 @@ function take(message) {
     live.statuses = new Rows(report.statuses);
     live.events = [];
     live.most = {};
-    byId("timeline").replaceChildren();
   }
   live.states.add(message.states, message.strides[0]);
   live.statuses.add(message.statuses, message.strides[1]);
   noteMost(live.states, message.states);
   noteMost(live.statuses, message.statuses);
-  message.events.forEach(addEvent);
+  live.events.push(...message.events);
   if (message.complaints) byId("complaints").replaceChildren(...message.complaints.map(complaint));
   if (message.about) {
     live.about = message.about;
     showAbout();
   }
+  if (message.about || message.events.length) showTimeline();
   changed();
 }
 
 // the greatest size of what a bar is measured by
 function noteMost({ at }, rows) {
   for (const { dataset: { key, full } } of gauges) {
-    if (full !== "most" || !(key in at)) continue;
+    if (!["most", "limit"].includes(full) || !(key in at)) continue;
     for (const [, row] of rows) live.most[key] = Math.max(live.most[key] || 0, Math.abs(row[at[key]] || 0));
   }
 }
@@ -96,14 +96,16 @@ function element(name, text, kind) {
 const figuresOf = (value, digits) => value === null || value === undefined ? "–"
   : value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace("-", "−");
 
-function addEvent(event) {
-  live.events.push(event);
-  const line = document.createElement("li");
-  line.append(
-    element("span", `${figuresOf(event.time_s, 3)} s`), element("span", event.text),
-    element("span", `${figuresOf(event.mass_kg, 1)} kg`, "mass"),
-  );
-  byId("timeline").append(line);
+// events, and what is found in states beside them, in the order of time
+const moments = () => [...live.events, ...live.about.moments].sort((a, b) => a.time_s - b.time_s);
+
+function showTimeline() {
+  byId("timeline").replaceChildren(...moments().map(({ time_s, text, mass_kg }) => {
+    const line = document.createElement("li");
+    const mass = mass_kg === null ? "" : `${figuresOf(mass_kg, 1)} kg`;
+    line.append(element("span", `${figuresOf(time_s, 3)} s`), element("span", text), element("span", mass, "mass"));
+    return line;
+  }));
 }
 
 function complaint({ time_s, count, level, node, text }) {
@@ -114,7 +116,7 @@ function complaint({ time_s, count, level, node, text }) {
 }
 
 function showAbout() {
-  const { title, flight, law, note, controls, pace, paused, replayed, phases, land } = live.about;
+  const { title, flight, law, note, controls, pace, paused, replayed, phases, land, air, in_air, guidance } = live.about;
   byId("title").textContent = flight ? title : "Waiting for a flight";
   document.title = flight ? `${title}: ${replayed ? "replay" : "live"}` : "Live flight";
   byId("kind").textContent = replayed ? "Replay" : "Live flight";
@@ -124,6 +126,10 @@ function showAbout() {
   showAfter();
   globe.land = land ? LAND : [];
   byId("phase").textContent = phases.length ? phases.at(-1).name : "–";
+  byId("guidance").textContent = guidance;
+  byId("guidance").parentElement.hidden = !guidance;
+  for (const gauge of gauges) gauge.hidden = "inAir" in gauge.dataset && !in_air;
+  for (const { key } of report.chapters[0].items.filter((item) => item.in_air)) byId(key).hidden = !air;
   const usable = controls && live.connected && !live.about.end;
   for (const button of [playButton, ...paceButtons]) button.disabled = !usable;
   playButton.textContent = paused ? "Play" : "Pause";
@@ -196,12 +202,13 @@ function showGauges() {
     const value = !known ? null : key in states.at ? states.last(key) : statuses.last(key);
     gauge.querySelector("b").textContent = figuresOf(value, Number(digits));
     if (!full) continue;
-    const limit = full === "limit" ? about.heating_limit_w_m2 : full === "most" ? most[key] : statuses.last(full);
+    const limited = full === "limit" && key in about.limits;
+    const limit = limited ? about.limits[key] : ["limit", "most"].includes(full) ? most[key] : statuses.last(full);
     const share = limit && value !== null ? Math.min(1, Math.abs(value) / limit) : 0;
     gauge.querySelector("i").style.transform = `scaleX(${share})`;
-    const word = { limit: "limit", most: "most so far" }[full] || "predicted at cut-off";
+    const word = limited ? "limit" : full.includes("_") ? "predicted at cut-off" : "most so far";
     gauge.querySelector(".of").textContent = limit ? `${word} ${figuresOf(limit, Math.min(1, digits))}` : "";
-    gauge.classList.toggle("beyond", full === "limit" && Boolean(limit) && value > limit);
+    gauge.classList.toggle("beyond", limited && value > limit);
   }
   byId("met").textContent = `${figuresOf(states.last("time_s"), 1)} s`;
   byId("rate").textContent = about.paused ? "paused" : about.rate === null ? "–" : `×${figuresOf(about.rate, 1)}`;
@@ -257,7 +264,7 @@ let drawing = false;
 function fill(plot) {
   const { states, statuses, events, about } = live;
   const figure = figures[plot.dataset.key];
-  const { fields } = report.chapters[0].items.find(({ key }) => key === plot.dataset.key);
+  const { fields, in_air } = report.chapters[0].items.find(({ key }) => key === plot.dataset.key);
   figure.series.forEach((series, i) => {
     const source = fields[i] in states.at ? states : statuses;
     series.x = source.column("time_s");
@@ -266,10 +273,15 @@ function fill(plot) {
   });
   const first = states.rows[0][1][0], last = states.last("time_s");
   const end = Math.max(last, about.end ? last : statuses.last("cutoff_s") || last, first + 1);
-  figure.x.span = [first - 0.01 * (end - first), end + 0.02 * (end - first)];
-  figure.instants = marks(events);
-  const limit = about.heating_limit_w_m2;
-  if (figure.y.log && limit) figure.levels = [{ at: limit, text: `limit, ${figuresOf(limit, 0)} W/m²` }];
+  // what is charted in the air ends with it
+  const until = in_air ? Math.max(about.left_air_s ?? last, first + 1) : end;
+  figure.x.span = [first - 0.01 * (until - first), until + 0.02 * (until - first)];
+  figure.instants = marks(in_air ? moments().filter(({ time_s }) => time_s <= until) : events);
+  const limit = about.limits[fields[0]];
+  if (!limit) return;
+  figure.levels = [{ at: limit, text: `limit, ${limit.toLocaleString("en")} ${figure.y.unit}` }];
+  // so that the line shows
+  if (in_air) figure.y.span = [0, 1.12 * Math.max(limit, live.most[fields[0]] || 0)];
 }
 
 // one mark an instant: a word is not printed over another

@@ -24,6 +24,7 @@ from rclpy.executors import Executor
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from ares_models.mission import Mission, MissionError, load_mission
+from ares_models.passage import Passage
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus, VehicleState
 from ares_node.diagnostics import (
     EXIT_STATUS,
@@ -31,6 +32,7 @@ from ares_node.diagnostics import (
     NODE,
     PACE,
     PAGES,
+    PASSAGE,
     PAUSED,
     REPLAYED,
     SHORTCOMINGS,
@@ -256,8 +258,13 @@ class LiveNode(FlightNode):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            if status.hardware_id != hardware_id(self._shown):
+                continue
+            said = {item.key: item.value for item in status.values}
+            if passage := Passage.from_text(said.get(PASSAGE, "")):
+                self._story.set_passage(passage)
             level = LEVELS.get(status.level)
-            if level and status.hardware_id == hardware_id(self._shown):
+            if level:
                 node = status.name.rsplit("/", maxsplit=1)[-1]
                 moment = seconds_from_stamp(message.header.stamp)
                 self._story.add_complaint(moment, level, node, status.message)
@@ -373,7 +380,12 @@ class LiveNode(FlightNode):
                 "cutoff_s": status.cutoff_time,
                 "iterations": status.iterations,
             }
-            self._story.add_status(row, status.predicted_position, status.predicted_velocity)
+            self._story.add_status(
+                row,
+                status.predicted_position,
+                status.predicted_velocity,
+                boosts=status.phase == GuidanceStatus.PHASE_BOOST,
+            )
             self._story.update(law=LAWS.get(status.law, f"law {status.law}"))
 
     # ---- commands

@@ -21,7 +21,9 @@ class Gauge:
         label: shown text.
         unit: as shown.
         digits: decimals.
-        full: value of a full bar: a field of a status, `limit`, or `most`, the largest so far.
+        full: value of a full bar: a field of a status, `limit`, or `most`, the largest so far,
+            which stands in for a missing limit too.
+        in_air: shown while the vehicle is in the air.
     """
 
     key: str
@@ -29,6 +31,7 @@ class Gauge:
     unit: str
     digits: int
     full: str
+    in_air: bool = False
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,19 @@ class LiveLine:
 
 @dataclass(frozen=True)
 class LiveChart:
-    """Hold a chart: its title, its axis, its lines."""
+    """Hold a chart: its title, its axis, its lines; in_air: over the part in the air."""
 
     title: str
     axis: Axis
     lines: tuple[LiveLine, ...]
+    in_air: bool = False
 
 
 GAUGES = (
     Gauge("altitude_km", "altitude", "km", 2, "predicted_altitude_km"),
     Gauge("speed_m_s", "speed", "m/s", 1, "predicted_speed_m_s"),
+    Gauge("dynamic_pressure_kpa", "dynamic pressure", "kPa", 2, "limit", in_air=True),
+    Gauge("mach", "Mach number", "", 2, "", in_air=True),
     Gauge("flight_path_angle_deg", "flight-path angle", "deg", 3, "most"),
     Gauge("mass_t", "mass", "t", 2, "most"),
     Gauge("thrust_kn", "thrust", "kN", 0, "most"),
@@ -82,6 +88,24 @@ CHARTS = (
             LiveLine("pitch of the thrust", "pitch_deg", "here"),
             LiveLine("flight-path angle", "flight_path_angle_deg", "other"),
         ),
+    ),
+    LiveChart(
+        "Dynamic pressure",
+        Axis("dynamic pressure", "kPa"),
+        (LiveLine("dynamic pressure", "dynamic_pressure_kpa", "here"),),
+        in_air=True,
+    ),
+    LiveChart(
+        "Mach number",
+        Axis("Mach number", ""),
+        (LiveLine("Mach number", "mach", "here"),),
+        in_air=True,
+    ),
+    LiveChart(
+        "Q alpha",
+        Axis("q alpha", "kPa rad"),
+        (LiveLine("q alpha", "q_alpha_kpa_rad", "here"),),
+        in_air=True,
     ),
     LiveChart(
         "Acceleration",
@@ -132,7 +156,7 @@ def render(query: str) -> str:
     """
     items = _items()
     figures = [
-        {**asdict(item), "fields": [one.field for one in chart.lines]}
+        {**asdict(item), "fields": [one.field for one in chart.lines], "in_air": chart.in_air}
         for item, chart in zip(items, CHARTS, strict=True)
     ]
     data = {

@@ -9,7 +9,7 @@ import threading
 import time
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,21 @@ from numpy.typing import NDArray
 
 from ares_models.kernels.environment import altitude
 from ares_models.mission import Mission, load_mission
+from ares_models.passage import AirState, Passage
+from ares_models.plans import flies_in_air
 from ares_node.identity import id_text
-from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
+from ares_studies.event_words import (
+    ENDS,
+    EVENT_NAMES,
+    MARKS,
+    MAX_Q,
+    Moment,
+    air_moments,
+    event_name,
+    hand_over,
+)
 from ares_studies.flight_page.charts import ROLES
-from ares_studies.flight_page.data import phase_name, states_of
+from ares_studies.flight_page.data import States, attitude_of, phase_name, states_of
 from ares_studies.flight_page.geometry import impact_track
 from ares_studies.flight_page.land import land_on
 
@@ -48,6 +59,9 @@ _STATES = (
     ("perigee_km", "perigee_m", 1e-3, 2),
     ("apogee_km", "apogee_m", 1e-3, 2),
     ("inclination_deg", "inclination_deg", 1.0, 4),
+    ("dynamic_pressure_kpa", "dynamic_pressure_pa", 1e-3, 4),
+    ("mach", "mach", 1.0, 4),
+    ("q_alpha_kpa_rad", "q_alpha_pa_rad", 1e-3, 5),
 )
 _PLACES = ("latitude_deg", "longitude_deg", "height", "impact_latitude_deg", "impact_longitude_deg")
 STATE_FIELDS = (*(name for name, *_ in _STATES), *_PLACES)
@@ -63,6 +77,28 @@ STATUS_FIELDS = (
 
 def _known(value: float, digits: int) -> float | None:
     return round(float(value), digits) + 0.0 if math.isfinite(value) else None
+
+
+def _moment(time_s: float, text: str, mass_kg: float, mark: str | None) -> dict[str, Any]:
+    """Return an event, or what is found beside events, as the page shows it."""
+    return {"time_s": _known(time_s, 9), "text": text, "mass_kg": _known(mass_kg, 9), "mark": mark}
+
+
+def _limits(mission: Mission) -> dict[str, float]:
+    """Return the lowest limits of a mission, by the field of a state."""
+    kilo = 1e-3
+    given = {
+        "heating_w_m2": [part.heating_limit_w_m2 for part in mission.jettisons],
+        "dynamic_pressure_kpa": [
+            stage.max_dynamic_pressure_pa and kilo * stage.max_dynamic_pressure_pa
+            for stage in mission.stages
+        ],
+        "q_alpha_kpa_rad": [
+            stage.max_q_alpha_pa_rad and kilo * stage.max_q_alpha_pa_rad for stage in mission.stages
+        ],
+    }
+    known = {name: [value for value in values if value] for name, values in given.items()}
+    return {name: min(values) for name, values in known.items() if values}
 
 
 class RowSeries:
@@ -137,13 +173,21 @@ class Story:
         self._phases: list[dict[str, Any]] = []
         self._phase: tuple[int, int] | None = None
         self._heard_at: float | None = None
-        limits = [part.heating_limit_w_m2 for part in self._mission.jettisons]
+        self._air = mission is not None and flies_in_air(mission.arrays().arcs)
+        self._passage = Passage()
+        self._boosts = False
+        self._hand_over: list[Moment] = []
         self._about: dict[str, Any] = {
             "title": mission.title if mission else "A flight",
             "flight": id_text(flight_id) if flight_id else "",
             "law": "",
             "land": bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
-            "heating_limit_w_m2": min(filter(None, limits), default=None) if mission else None,
+            "limits": _limits(mission) if mission else {},
+            "air": self._air,
+            "in_air": self._air,
+            "left_air_s": None,
+            "guidance": "",
+            "moments": [],
             "pace": None,
             "paused": False,
             "replayed": False,
@@ -224,8 +268,8 @@ class Story:
         earth = mission.earth()
         shown = states_of(truth, mission)
         # the first state precedes the first command, so its attitude is unknown
-        for angle in (shown.pitch_deg, shown.yaw_deg):
-            angle[truth["sequence"] == 0] = math.nan
+        for values in attitude_of(shown):
+            values[truth["sequence"] == 0] = math.nan
         falls = impact_track(
             truth["time"],
             truth["position"],
@@ -233,7 +277,11 @@ class Story:
             self._environment,
             earth,
         )
-        columns = [(getattr(shown, name) * factor, k) for _, name, factor, k in _STATES]
+        found = {field: getattr(shown, name) * factor for field, name, factor, _ in _STATES}
+        if self._air:
+            # in the air heating is not that of single molecules
+            found["heating_w_m2"][self._follow_air(shown)] = math.nan
+        columns = [(found[field], digits) for field, *_, digits in _STATES]
         columns += [(shown.track.latitude_deg, 4), (shown.track.longitude_deg, 4)]
         columns += [(shown.altitude_m / earth.equatorial_radius, 6)]
         columns += [(falls.latitude_deg, 3), (falls.longitude_deg, 3)]
@@ -242,6 +290,36 @@ class Story:
                 self._states.add([_known(values[i], digits) for values, digits in columns])
                 self._note_phase(truth, i)
             self._heard_at = time.monotonic()
+
+    def _follow_air(self, shown: States) -> NDArray[np.bool_]:
+        """Follow the climb through the air; tell which states are in it, shape (n,)."""
+        columns = [getattr(shown, item.name).tolist() for item in fields(AirState)]
+        in_air = []
+        with self._lock:
+            for numbers in zip(*columns, strict=True):
+                self._passage.add(AirState(*numbers))
+                in_air.append(self._passage.left_s is None)
+            self._update(in_air=in_air[-1], left_air_s=self._passage.left_s)
+            self._show_moments()
+        return np.array(in_air)
+
+    def set_passage(self, passage: Passage) -> None:
+        """Put what the simulator tells of the climb in place of what is found in some states."""
+        with self._lock:
+            self._passage.mach_1, self._passage.max_q = passage.mach_1, passage.max_q
+            self._passage.beyond_max_q = True
+            self._show_moments()
+
+    def _show_moments(self) -> None:
+        """Show Mach 1, the hand-over, and the greatest dynamic pressure once it is past."""
+        found = air_moments(self._passage) + self._hand_over
+        self._update(
+            moments=[
+                _moment(moment.time_s, moment.text, moment.mass_kg, MARKS.get(moment.kind))
+                for moment in found
+                if moment.kind != MAX_Q or self._passage.beyond_max_q
+            ]
+        )
 
     def _note_phase(self, truth: Mapping[str, NDArray[Any]], i: int) -> None:
         """Start a new phase when the arc or the set of jettisoned parts changes."""
@@ -257,13 +335,16 @@ class Story:
             phase["role"] = ROLES[burns % len(ROLES)]
             self._about_version += 1
 
-    def add_status(self, row: Mapping[str, float], position: Any, velocity: Any) -> None:
+    def add_status(
+        self, row: Mapping[str, float], position: Any, velocity: Any, *, boosts: bool = False
+    ) -> None:
         """Add a guidance status.
 
         Args:
             row: `time_s`, `time_to_go_s`, `cutoff_s`, `iterations`.
             position: predicted at cut-off, shape (3,), m.
             velocity: predicted at cut-off, shape (3,), m/s.
+            boosts: guidance flies the attitude programme of the air.
         """
         x, y, z = position
         height = altitude((float(x), float(y), float(z)), self._environment)
@@ -271,6 +352,12 @@ class Story:
         numbers = {**row, "predicted_altitude_km": height / 1e3, "predicted_speed_m_s": speed}
         with self._lock:
             self._statuses.add([_known(numbers[name], 4) for name in STATUS_FIELDS])
+            if self._boosts and not boosts:
+                self._hand_over = [hand_over(row["time_s"], math.nan)]
+                self._show_moments()
+            self._boosts = boosts
+            if self._air:
+                self._update(guidance="boost programme" if boosts else "closed loop")
 
     def add_event(self, kind: int, index: int, moment: float, mass_kg: float) -> None:
         """Add an event: type, index, flight time, s, mass after it, kg."""
@@ -283,14 +370,7 @@ class Story:
                 return
             self._heard.append((kind, index, moment, mass_kg))
             text = event_name(kind, index, *names)
-            self._events.append(
-                {
-                    "time_s": _known(moment, 9),
-                    "text": text,
-                    "mass_kg": _known(mass_kg, 9),
-                    "mark": MARKS.get(kind),
-                }
-            )
+            self._events.append(_moment(moment, text, mass_kg, MARKS.get(kind)))
             if kind in ENDS:
                 self._update(end=EVENT_NAMES[kind])
 
