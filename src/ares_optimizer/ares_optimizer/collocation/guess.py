@@ -189,11 +189,12 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
     Args:
         pilot: of the whole mission.
     """
-    apogee, parking = _target_apogee(pilot.arrays), pilot.parking_m
-    perigee = _target_perigee(pilot.arrays)
+    apogee, perigee = _target_apogee(pilot.arrays), _target_perigee(pilot.arrays)
+    lowest = max((f.perigee_m for f in pilot.floors if f.perigee_m > 0.0), default=0.0)
+    parking = max(pilot.parking_m, lowest)
     ways = [(parking, pilot.apogee_m), (parking, apogee)]
     if pilot.count == _TWO and pilot.apogee_m == parking:
-        low = parking - _LOWER_M < perigee < parking + _LOW_M
+        low = max(parking - _LOWER_M, lowest) <= perigee < parking + _LOW_M
         ways = [(perigee, perigee)] * low + [(parking, apogee)] * (apogee > perigee or not low)
         if apogee < _HIGH_UP * parking:
             ways.reverse()

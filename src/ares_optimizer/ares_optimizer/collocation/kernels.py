@@ -209,17 +209,22 @@ def rule_rows(
             gradient[0, 3 + i] = 0.0
         return
     if rule.kind == PERIGEE_RULE:
-        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p = 0 for an apsis at p
+        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p = 0 for an apsis at p, at perigee with h^2 > mu p
         p = rule.level
         h = cross(r, v)
         size = norm(r)
         per = 1.0 / (2.0 * mu * p)
-        c[0] = per * (dot(h, h) - p * p * (dot(v, v) - 2.0 * mu / size) - 2.0 * mu * p)
-        by_r = axpy(-2.0 * p * p * mu / (size * size * size), r, scale(2.0, cross(v, h)))
-        by_v = axpy(-2.0 * p * p, v, scale(2.0, cross(h, r)))
+        c[0] = per * (dot(h, h) - mu * p)
+        c[1] = per * (dot(h, h) - p * p * (dot(v, v) - 2.0 * mu / size) - 2.0 * mu * p)
+        by_r, by_v = scale(2.0, cross(v, h)), scale(2.0, cross(h, r))
         for i in range(3):
             gradient[0, i] = per * scales[0] * by_r[i]
             gradient[0, 3 + i] = per * scales[1] * by_v[i]
+        by_r = axpy(-2.0 * p * p * mu / (size * size * size), r, by_r)
+        by_v = axpy(-2.0 * p * p, v, by_v)
+        for i in range(3):
+            gradient[1, i] = per * scales[0] * by_r[i]
+            gradient[1, 3 + i] = per * scales[1] * by_v[i]
         return
     rows = terminal_rows(targets[rule.target], mu, r, v, c, gradient)
     for row in range(rows):

@@ -315,12 +315,13 @@ class Pilot:
 
         def residual(x: Array) -> Array:
             track = self.fly(times_of(x), x[:n])
-            if not len(track):
+            missed = self.miss_of(track) if len(track) else np.full(1, math.nan)
+            if not np.isfinite(missed).all():
                 return np.full(count, 1e3)
-            return np.concatenate((self.miss_of(track), _KEEP * (x - x0)))
+            return np.concatenate((missed, _KEEP * (x - x0)))
 
         track = self.fly(times_of(x0), x0[:n])
-        if not len(track):
+        if not len(track) or not np.isfinite(self.miss_of(track)).all():
             return TrialFlight(times, track.copy(), math.inf), constants
         count = self.miss_of(track).size + x0.size
         found = least_squares(

@@ -51,7 +51,7 @@ _SAME_ARC_S = 1.0
 _ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
-_LEAST_IN_AIR = 4
+_LEAST_IN_AIR = 3
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3

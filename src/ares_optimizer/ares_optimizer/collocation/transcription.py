@@ -504,7 +504,9 @@ class CollocationProgram:
                     add(FLOOR_RULE, name, int(node), floor.altitude_m)
             if math.isfinite(floor.perigee_m) and nodes:
                 name = f"perigee in arc {floor.arc}"
-                add(PERIGEE_RULE, name, int(nodes[0]), floor.perigee_m)
+                row = rows.add(name, 0.0, INFINITE)
+                rows.add(name, 0.0, INFINITE)
+                rules.append((PERIGEE_RULE, int(nodes[0]), row, 2, 0, -1, floor.perigee_m))
             self.floor_rows[floor.arc] = list(range(before, len(rows.lower)))
         #: Rows of the pressure limits of each stage, by stage and kind of constraint, in order of
         #: time.
