@@ -198,6 +198,28 @@ def test_a_parking_orbit_keeps_its_perigee() -> None:
     assert found.m_f_kg == pytest.approx(21_419.17, rel=2e-5)
 
 
+def test_an_orbit_with_its_apogee_at_the_least_perigee_is_not_kept() -> None:
+    mission = load_mission("vulcan_gto")
+    least = 6_378_137.0 + 150e3
+    arrays = with_coast(mission.arrays(), min_perigee_radius=least)
+    start = start_of(mission)
+    floors = floors_of(arrays, start)
+    trial = next(trials(arrays, start, floors))
+    program = CollocationProgram(arrays, start, trial.times, floors)
+    x = guess_of(program, trial)
+    rows = np.zeros(program.row_lower.size)
+    kept = []
+    mu, coast = float(arrays.environment[0]["mu"]), floors[-1].arc
+    node = int(program.first[program.arc_phases[coast][0]])
+    at = slice(6 * node, 6 * node + 6)
+    for other in (least - 50e3, least + 50e3):
+        speed = math.sqrt(mu * (2.0 / least - 2.0 / (least + other)))
+        x[at] = [least / program.radius, 0.0, 0.0, 0.0, speed / program.speed, 0.0]
+        program.rows(x, rows)
+        kept.append(bool((rows[program.floor_rows[coast]] >= -1e-12).all()))
+    assert kept == [False, True]
+
+
 def parked(name: str, perigee_m: float, apogee_m: float, **keys: float) -> Mission:
     """Return a shipped mission whose first free coast names its orbit."""
     data, _ = read_input(MISSION.find(name), MISSION)

@@ -18,6 +18,7 @@ from ares_optimizer.solve import solve
 from ares_studies.closed_loop import arc_plan, fly_stepwise, offline_trajectory
 from ares_studies.flight_page.data import make_flight
 from ares_studies.flight_page.optimum import record_optimum
+from ares_trials.random_launchers import random_launcher
 from ares_vehicle_sim.simulator import Simulator
 
 pytestmark = pytest.mark.long
@@ -301,6 +302,103 @@ def test_a_booster_that_outlasts_its_stage_is_refused():
     burnt = 90.0 * 800000.0 / (9.80665 * 312.0) + 900.0
     flow = np.trapezoid(row["start_flow"][:2], row["start_time"][:2]) * row["mass_flow"]
     assert flow == pytest.approx(burnt, rel=1e-9)
+
+
+SOLID = [[0.0, 790e3], [20.0, 1010e3], [20.0, 900e3], [140.0, 570e3], [150.0, 0.0]]
+
+
+def solid_first_stage(boosters=""):
+    """Return the small launcher with a solid first stage that rises vertically."""
+    text = SMALL.format(thrust=0.0).replace("payload_kg: 900.0", "payload_kg: 400.0")
+    text = text.replace("pressure_pa: 36000.0", "pressure_pa: 55000.0")
+    text = text.replace("    thrust_n: 0.0\n", "").replace("    burn_time_s: 152.9\n", "")
+    arc = f"{{thrust_table: {SOLID}, isp_s: 280.0, exit_area_m2: 0.9, vertical_rise_s: 8.0}}"
+    for key in ("isp_s: 312.0", "exit_area_m2: 0.9", "vertical_rise_s: 8.0"):
+        text = text.replace(f"    {key}\n", "", 1)
+    text = text.replace("  - name: second\n", f"    arcs: [{arc}]\n{boosters}  - name: second\n")
+    return parse_mission(text, "solid.yaml")
+
+
+def burn_of(row):
+    """Return times, thrust and mass flow of a burn at its knots."""
+    knots = int(row["start_knots"])
+    time = row["start_time"][:knots]
+    flow = row["start_flow"][:knots] * row["mass_flow"]
+    return time, row["start_fraction"][:knots] * row["thrust"], flow
+
+
+@pytest.mark.parametrize("with_boosters", [False, True])
+def test_a_solid_stage_rises_vertically_beside_boosters_or_not(with_boosters):
+    boosters = (
+        "    boosters:\n      - {name: strap-on, count: 2, dry_mass_kg: 100.0, "
+        "propellant_kg: 1500.0, thrust_n: 60000.0, burn_time_s: 60.0, exit_area_m2: 0.05}\n"
+    )
+    mission = solid_first_stage(boosters * with_boosters)
+    arcs = mission.arrays().arcs
+    first = arcs[arcs["stage"] == 0]
+    assert list(first["vertical"]) == ([1, 0, 0] if with_boosters else [1, 0])
+    assert list(first["duration"]) == ([8.0, 52.0, 90.0] if with_boosters else [8.0, 142.0])
+    begin = impulse = burnt = 0.0
+    table_time, table_thrust = np.array(SOLID).T
+    for row in first:
+        time, thrust, flow = burn_of(row)
+        helped = 120e3 * (with_boosters and begin < 60.0)
+        own = np.interp(begin + time, table_time, table_thrust)
+        jump = np.abs(begin + time - 20.0) < 1e-9
+        assert thrust[~jump] == pytest.approx(own[~jump] + helped)
+        assert list(thrust[jump]) == pytest.approx([1010e3 + helped, 900e3 + helped] * any(jump))
+        impulse += np.trapezoid(thrust, time)
+        burnt += np.trapezoid(flow, time)
+        assert time[-1] == row["duration"]
+        begin += row["duration"]
+    whole = np.trapezoid(table_thrust, table_time)
+    assert impulse == pytest.approx(whole + 120e3 * 60.0 * with_boosters)
+    assert burnt == pytest.approx(whole / (280.0 * 9.80665) + 3000.0 * with_boosters)
+    assert first["exit_area"][0] == pytest.approx(1.0 if with_boosters else 0.9)
+
+
+def test_a_solid_first_stage_is_planned_and_flown():
+    mission = solid_first_stage()
+    solution = solve(mission, "auto")
+    assert solution.flyable, solution.reason
+    end = flown(mission, solution, "peg")
+    assert end["inserted"]
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=3e-3)
+
+
+def test_a_drop_within_a_free_burn_makes_it_last_so_long():
+    two_burns = SMALL.format(thrust=800000.0).replace(
+        "burn_time_s: free}",
+        "burn_time_s: free}\n      - {coast_s: free}\n"
+        "      - {thrust_n: 90000.0, isp_s: 345.0, burn_time_s: free}",
+    )
+    arcs = parse_mission(two_burns, "two.yaml").arrays().arcs
+    free = arcs[np.isinf(arcs["duration"])]
+    assert list(free["shortest"]) == [40.0, 0.0, 0.0]
+    limited = two_burns.replace("burn_time_s: free}\n", "burn_time_s: free, max_s: 30.0}\n", 1)
+    with pytest.raises(MissionError, match="at most 30 s, before an arc of stage second ends"):
+        parse_mission(limited, "two.yaml")
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize("seed", [1, 9, 26, 28, 30])
+def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
+    mission = random_launcher(seed)
+    solution = solve(mission, "auto")
+    assert solution.converged, solution.reason
+    end = flown(mission, solution, "peg")
+    assert end["inserted"]
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=5e-3)
+
+
+def test_a_fairing_is_not_dropped_on_the_pad():
+    # at rest there is no heating, which is not "fallen below" the limit
+    text = SMALL.format(thrust=800000.0).replace(
+        "stage: second, time_after_ignition_s: 40.0", "stage: first, heating_limit_w_m2: 1135.0"
+    )
+    solution = solve(parse_mission(text, "early.yaml"), "auto")
+    assert solution.flyable, solution.reason
+    assert solution.jettison_times_s[0] > 100.0
 
 
 def test_knots_of_the_drag_table_apart_by_nothing_are_refused():

@@ -7,6 +7,7 @@ that the site allows. Not all of them can reach their target.
 """
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ares_trials.random_vehicles import EQUATORIAL_RADIUS, G0, MU
 ROTATION_RATE = 7.292115e-5
 #: Losses to gravity, drag and steering up to a low orbit, m/s.
 LOSSES = (1450.0, 2000.0)
-DRAG_TABLE = [[0.0, 0.3], [0.8, 0.36], [1.0, 0.55], [1.2, 0.62], [1.6, 0.55], [2.5, 0.4], [7.0, 0.25]]
+DRAG_TABLE = [[0.0, 0.3], [0.8, 0.36], [1.0, 0.55], [1.2, 0.62], [1.6, 0.55], [2.5, 0.4], [7, 0.25]]
 
 
 def random_launcher(seed: int) -> Mission:
@@ -103,7 +104,8 @@ def _way(draw: np.random.Generator) -> tuple[dict[str, Any], float, float, bool]
         "apogee_altitude_m": apogee,
         "inclination_deg": inclination,
     }
-    return target, latitude, at_perigee + abs(at_apogee) - turning + float(draw.uniform(*LOSSES)), parked
+    speed = at_perigee + abs(at_apogee) - turning + float(draw.uniform(*LOSSES))
+    return target, latitude, speed, parked
 
 
 def _stages(
@@ -131,6 +133,9 @@ def _stages(
         if boosted:
             weights = draw.uniform(0.7, 1.2)
         thrust = float(weights * total * G0)
+        if k == 0 and not boosted:
+            # ambient pressure takes a share of it
+            thrust *= 1.12
         burn: dict[str, Any] = {"thrust_n": thrust, "isp_s": isp}
         stage: dict[str, Any] = {
             "name": f"s{k}",
@@ -170,9 +175,7 @@ def _stages(
 def _solid(thrust: float, time: float) -> list[list[float]]:
     """Return a thrust table of the same impulse: progressive, regressive, tailing off."""
     shape = [[0.0, 0.9], [0.3, 1.12], [0.7, 1.05], [0.93, 0.8], [1.0, 0.0]]
-    area = sum(
-        0.5 * (b[1] + a[1]) * (b[0] - a[0]) for a, b in zip(shape[:-1], shape[1:], strict=True)
-    )
+    area = sum(0.5 * (b[1] + a[1]) * (b[0] - a[0]) for a, b in pairwise(shape))
     return [[t * time, level * thrust / area] for t, level in shape]
 
 

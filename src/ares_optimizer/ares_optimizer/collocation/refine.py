@@ -28,7 +28,7 @@ from ares_optimizer.collocation.points import (
     mass_of,
     times_of,
 )
-from ares_optimizer.collocation.search import Search, refined
+from ares_optimizer.collocation.search import CORNER, Search, refined
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
@@ -38,12 +38,14 @@ from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
 from ares_optimizer.solution import Check, ConstraintCheck
 
-#: Factors on the number of intervals of the refined programs.
+#: Factors on the number of intervals of the refined programs, and of those in which a pressure
+#: limit acts: there the turn of coarse directions is overestimated.
 _FINER = (1.5, 3.0, 5.0)
+_FINER_LIMITED = (0.5, 1.5, 3.0)
 #: Largest relative spread of the Hamiltonian along a phase, and along one with an active pressure
 #: limit: where that begins and ceases to act the multipliers jump within an interval.
 SPREAD = 1e-4
-PRESSURE_SPREAD = 5e-3
+PRESSURE_SPREAD = 1e-2
 #: Tolerance of the lowest point of a flight against its floor, m.
 SAG = 0.5
 #: Most solutions with adjusted floors.
@@ -95,7 +97,8 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
     levels = {k: floor.altitude_m for k, floor in floors.items()}
     proven: Proven | None = None
     found = best
-    for finer in _FINER:
+    factors = _FINER_LIMITED if acting_limits(best) else _FINER
+    for finer in factors:
         there = tuple(floor._replace(altitude_m=levels[k]) for k, floor in floors.items())
         found = refined(search, found, there, finer) or found
         for _ in range(_MOST_LEVELS):
@@ -106,7 +109,7 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
         steady = hamiltonian_spread(found, adjoint) <= allowed_spread(found)
         if request.deadline.passed and not steady:
             break
-        if not steady and finer < _FINER[-1]:
+        if not steady and finer < factors[-1]:
             continue
         proven = _within_limits(search, _verified(search, found, adjoint))
         found = proven.found
@@ -154,6 +157,10 @@ def _within_limits(search: Search, proven: Proven) -> Proven:
         program.scale_limits(factors)
         point = solve_program(program, proven.found.point, search.request.deadline)
         search.iterations += point.iterations
+        if not point.solved:
+            # the multipliers of the wider limits may mislead
+            point = solve_program(program, proven.found.point.x, search.request.deadline, mu=CORNER)
+            search.iterations += point.iterations
         if not point.solved:
             break
         found = FoundOptimum(program, point, mass_of(program, point))

@@ -70,9 +70,9 @@ _DEEP_M = 1.0
 _BELOW_START_M = 1e3
 #: Depth below a floor between the states, m, beyond which the intervals are too long.
 _SAGS = 1e3
-#: Initial barrier parameter near a solution.
+#: Initial barrier parameter near a solution, and in a corner of its limits.
 _NEAR = 1e-4
-_CORNER = 1e-6
+CORNER = 1e-6
 #: The same from a guess whose ascent is solved.
 _BESIDE = 1e-3
 #: Share and time by which free coasts and burns change at once, most such steps, and the distance,
@@ -248,7 +248,7 @@ class Search:
             point = self._creep(program, x, mu)
             if not point.solved:
                 break
-            x, mu = point.x, _CORNER
+            x, mu = point.x, CORNER
         return point
 
     def _creep(self, program: CollocationProgram, x: Array, mu: float | None) -> StoppingPoint:
@@ -265,7 +265,7 @@ class Search:
             program.lower[lengths] = np.maximum(lower[lengths], x[lengths] - most)
             program.upper[lengths] = np.minimum(upper[lengths], x[lengths] + most)
             point = self._solved_program(program, x, mu)
-            if not point.solved and mu == _CORNER:
+            if not point.solved and mu == CORNER:
                 # the barrier of a corner may be too sharp
                 point = self._solved_program(program, x, None)
             held = np.abs(point.x[lengths] - x[lengths]) > most - _HELD
@@ -274,7 +274,7 @@ class Search:
                 return point
             if not held.any():
                 return point
-            x, mu = point.x, _CORNER
+            x, mu = point.x, CORNER
         return self._solved_program(program, x, mu)
 
     def _solved_program(
@@ -310,7 +310,7 @@ class Search:
             except ValueError:
                 continue
             guess = finer_guess(program, found.program, found.point.x)
-            point = self._solved_program(program, guess, _CORNER)
+            point = self._solved_program(program, guess, CORNER)
             if point.solved and mass_of(program, point) > found.m_f_kg * (1.0 + _GAINED):
                 return FoundOptimum(program, point, mass_of(program, point))
         return None
@@ -484,7 +484,7 @@ def refined(
     known: FoundOptimum | None = None
     limited = bool(acting_limits(found))
     same = LIMITED_MASS if limited else SAME_MASS
-    for mu in (_CORNER, None) if limited else (_NEAR, None):
+    for mu in (CORNER, None) if limited else (_NEAR, None):
         point = solve_program(program, guess, search.request.deadline, mu=mu)
         search.iterations += point.iterations
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
