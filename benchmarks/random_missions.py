@@ -23,11 +23,13 @@ from ares_models.judge import End
 from ares_models.mission import Mission
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
+from ares_trials.random_launchers import random_launcher
 from ares_trials.random_vehicles import random_coasting_mission, random_mission
 
 KINDS: dict[str, Callable[[int], Mission]] = {
     "plain": random_mission,
     "coasting": random_coasting_mission,
+    "pad": random_launcher,
 }
 #: `auto` begins with `collocation`.
 METHODS = ("auto", "indirect", "direct11")

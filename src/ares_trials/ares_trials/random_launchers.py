@@ -185,13 +185,11 @@ def _booster(
     """Draw strap-on boosters of a core, by its mass, kg, thrust, N, and burn time, s."""
     count = int(draw.integers(2, 7))
     isp = float(draw.uniform(265.0, 310.0))
-    time = core_s * float(draw.uniform(0.4, 0.95))
-    weights = float(draw.uniform(1.3, 1.8))
+    time = float(min(core_s, 0.35 * isp) * draw.uniform(0.5, 0.95))
+    weights = float(draw.uniform(1.4, 1.8))
     # propellant of all: so much that there are so many weights of thrust at lift-off
     per_kg = isp * G0 / time
     propellant = (weights * G0 * core - core_thrust) / (per_kg - 1.12 * weights * G0)
-    if not 0.0 < propellant < 2.0 * core:
-        propellant = 0.5 * core
     return {
         "name": "boosters",
         "count": count,
