@@ -412,7 +412,7 @@ def test_an_optimum_shows_what_the_air_does_as_a_flight_would(limited):
     recording = record_optimum("optimum", mission, solution)
     flight = make_flight(recording)
     assert flight.air.max_q_pa == pytest.approx(36000.0, rel=2e-3)
-    assert flight.air.max_q_alpha_pa_rad == pytest.approx(2500.0, rel=2e-3)
+    assert flight.air.max_q_alpha_pa_rad == pytest.approx(2500.0, rel=3e-3)
     assert {limit.limit for limit in flight.air.limits} == {36000.0, 2500.0}
     held = flight.optimality.hamiltonian_m_s2[flight.optimality.time_s < 152.8]
     assert np.ptp(held) < 0.01 * np.mean(held)
