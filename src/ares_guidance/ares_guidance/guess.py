@@ -12,9 +12,13 @@ from ares_guidance.arrays import MAX_PROGRAMME, PLAN, PROGRAMME
 from ares_guidance.floor import check_floor, held_burns, lifted
 from ares_models.arrays import (
     BURN,
+    COAST,
+    HEATING_LIMIT,
+    MISSION_TIME,
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
+    NAVIGATION,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
@@ -27,7 +31,7 @@ from ares_models.kernels.environment import relative_velocity
 from ares_models.kernels.vectors import norm
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Elements, Insertion
-from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs_plan
+from ares_models.plans import LONG_COAST_S, coasts_long, flies_in_air, leaves_arcs_free, needs_plan
 
 Array = NDArray[np.float64]
 
@@ -46,6 +50,9 @@ ELONGATED = 0.5
 OVAL = 0.1
 #: Acceleration by the forces of the air below which a law takes over from the programme, m/s2.
 HANDED_OVER_M_S2 = 0.01
+#: Later hand-overs in each burn, and the share of a burn that is not fixed up to which they go.
+LATER = 8
+LATEST_SHARE = 0.75
 #: Time difference that is rounding, s.
 TIME_ROUNDING = 1e-6
 #: Smallest mass drop that counts as staging, as a fraction of the mass; rounding is smaller.
@@ -80,12 +87,23 @@ class Programme(NamedTuple):
         time: mission elapsed time as planned, s.
         speed: in the air, m/s.
         direction: of the thrust, unit vectors, shape (n, 3).
+        state: planned navigation state at the hand-over, shape (1,), dtype NAVIGATION.
     """
 
     arc: NDArray[np.int64]
     time: Array
     speed: Array
     direction: Array
+    state: NDArray[np.void]
+
+    def record(self) -> NDArray[np.void]:
+        """Return the programme for the kernels, shape (1,), dtype PROGRAMME."""
+        record = np.zeros(1, PROGRAMME)
+        count = len(self.time)
+        record["count"] = count
+        for name in ("arc", "time", "speed", "direction"):
+            record[name][0, :count] = getattr(self, name)
+        return record
 
     def thinned(self, most: int) -> "Programme":
         """Return the programme with at most so many knots; the ends of arcs are kept."""
@@ -93,7 +111,7 @@ class Programme(NamedTuple):
         inside = np.arange(len(self.time)) % max(1, stride) == 0
         ends = np.append(np.diff(self.arc) != 0, True)
         keep = inside | ends | np.append(True, ends[:-1])
-        return Programme(*(column[keep] for column in self))
+        return Programme(*(column[keep] for column in self[:-1]), self.state)
 
 
 @dataclass(frozen=True)
@@ -121,7 +139,10 @@ class ArcPlan:
         held: burns before a coast that is long or touches its floor, or before a burn that dips.
             Each ends a leg, even if its length is fixed.
         floored: those before a coast that touches its floor.
-        programme: attitude in the air; None: the flight is above it.
+        programmes: attitude in the air, and from the second on beyond it, from which a law takes
+            the first that leaves it a way to the planned end; none: the flight is above the air.
+        arc_ends_s: planned end of each arc, mission elapsed time.
+        arc_ends_kg: planned mass there, before anything is dropped.
     """
 
     lengths_s: dict[int, float]
@@ -136,17 +157,9 @@ class ArcPlan:
     orbits: dict[int, Elements] = field(default_factory=dict)
     held: frozenset[int] = frozenset()
     floored: frozenset[int] = frozenset()
-    programme: Programme | None = None
-
-    def programme_record(self) -> NDArray[np.void]:
-        """Return the attitude programme for the kernels, shape (1,), dtype PROGRAMME."""
-        record = np.zeros(1, PROGRAMME)
-        if self.programme is not None:
-            count = len(self.programme.time)
-            record["count"] = count
-            for name, values in self.programme._asdict().items():
-                record[name][0, :count] = values
-        return record
+    programmes: tuple[Programme, ...] = ()
+    arc_ends_s: dict[int, float] = field(default_factory=dict)
+    arc_ends_kg: dict[int, float] = field(default_factory=dict)
 
     def record(self, arrays: MissionArrays, holds_plane: bool = False) -> NDArray[np.void]:
         """Return the plan for the kernels, shape (1,), dtype PLAN.
@@ -177,7 +190,7 @@ class ArcPlan:
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
             record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
-        if holds_plane and self.programme is not None:
+        if holds_plane and self.programmes:
             self._aim_at_plane(record[0], arrays)
         for k in np.flatnonzero(np.isinf(arcs["duration"]) | ends):
             if k < self.first_arc:
@@ -474,55 +487,117 @@ class OfflineTrajectory:
             orbits,
             frozenset(lifts),
             frozenset(k for k, lift in lifts.items() if lift > 0.0),
-            self.programme(arrays) if flies_in_air(arcs) else None,
+            self.programmes(arrays) if flies_in_air(arcs) else (),
+            dict(zip(map(int, self.flown_arc), map(float, self.flown_end_time), strict=True)),
+            {
+                int(k): float(self.sample_mass[self._rows_between(float(start), float(end))[-1]])
+                for k, start, end in zip(
+                    self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
+                )
+            },
         )
 
-    def programme(self, arrays: MissionArrays) -> Programme | None:
-        """Return the attitude programme up to where the forces of the air are small.
+    def programmes(self, arrays: MissionArrays) -> tuple[Programme, ...]:
+        """Return attitude programmes up to where the forces of the air are small, and beyond.
 
         Args:
             arrays: the mission.
 
         Returns:
-            None if they are small all along.
+            none if the forces are small all along.
         """
-        end = self._hand_over(arrays)
-        environment = arrays.environment[0]
-        parts = []
+        first = self._hand_over(arrays)
+        if not self.flown_start_time[0] < first - SAME_TIME:
+            return ()
+        ends = [first]
         for k, start, stop in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
         ):
-            rows = self._rows_between(float(start), min(float(stop), end))
-            if start >= end - SAME_TIME or len(rows) < 2:
+            inside = [float(start)]
+            if arrays.arcs["kind"][k] == BURN:
+                share = LATEST_SHARE if np.isinf(arrays.arcs["duration"][k]) else 1.0
+                inside += list(np.linspace(start, start + share * (stop - start), LATER)[1:-1])
+            ends += [t for t in inside if t > first]
+        return tuple(self._programme(arrays, end) for end in ends)
+
+    def _programme(self, arrays: MissionArrays, end: float) -> Programme:
+        """Return the attitude programme up to a time, s."""
+        environment = arrays.environment[0]
+        parts = []
+        state = None
+        for k, start, stop in zip(
+            self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
+        ):
+            if start >= end - SAME_TIME:
+                if state is None:
+                    row = self._rows_between(float(start), float(stop))[0]
+                    state = self._navigation(row, int(k), arrays)
                 continue
+            rows = self._rows_between(float(start), min(float(stop), end))
+            if len(rows) < 2:
+                continue
+            if end < stop - SAME_TIME:
+                state = self._navigation(rows[-1], int(k), arrays)
             speed = np.array([self._air_speed(i, environment) for i in rows])
             parts.append(
-                Programme(
+                (
                     np.full(len(rows), k),
                     self.sample_time[rows],
                     np.maximum.accumulate(speed),
                     self.sample_direction[rows].copy(),
                 )
             )
-        if not parts:
-            return None
-        # in a coast turn to the direction of the next burn, without one keep the last
+        # without thrust, turn to the direction of the next; after the last, keep it
         ahead = self._direction_at(end)
-        for part in reversed(parts):
-            if arrays.arcs["kind"][part.arc[0]] != BURN:
-                part.direction[:] = ahead
-            ahead = part.direction[0]
-        whole = Programme(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-        return whole.thinned(MAX_PROGRAMME)
+        for arc, _, _, direction in reversed(parts):
+            coasts = arrays.arcs["kind"][arc[0]] != BURN
+            for k in reversed(range(len(direction))):
+                if coasts or not np.isfinite(direction[k]).all():
+                    direction[k] = ahead
+                ahead = direction[k]
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        return Programme(*columns, np.zeros(1, NAVIGATION) if state is None else state).thinned(
+            MAX_PROGRAMME
+        )
+
+    def _navigation(self, row: int, k: int, arrays: MissionArrays) -> NDArray[np.void]:
+        """Return the planned navigation state of a sample in arc ``k``, shape (1,)."""
+        state = np.zeros(1, NAVIGATION)
+        for name in ("time", "position", "velocity", "mass"):
+            state[name] = getattr(self, f"sample_{name}")[row]
+        state["heating_rate"] = math.nan
+        state["arc"] = k
+        state["arc_start_time"] = self.flown_start_time[self.flown_arc == k][0]
+        for j, jettison in enumerate(arrays.jettisons):
+            over = bool(arrays.arcs["stage"][k] > jettison["stage"])
+            if over or self.sample_time[row] >= self._drop_time(jettison, arrays):
+                state["jettisoned"] |= 1 << j
+        return state
+
+    def _drop_time(self, jettison: np.void, arrays: MissionArrays) -> float:
+        """Return the planned time of a jettison, s; inf if it is not planned."""
+        if jettison["criterion"] == HEATING_LIMIT:
+            return self.jettison_time if math.isfinite(self.jettison_time) else math.inf
+        if jettison["criterion"] == MISSION_TIME:
+            return float(jettison["value"])
+        arcs = arrays.arcs[self.flown_arc]
+        burns = (arcs["stage"] == jettison["stage"]) & (arcs["kind"] == BURN)
+        ignition = self.flown_start_time[burns][0] if burns.any() else -math.inf
+        return float(ignition + jettison["value"])
 
     def _hand_over(self, arrays: MissionArrays) -> float:
-        """Return the time from which the forces of the air are small, s; -inf: always."""
+        """Return the time from which the forces of the air are small, s; -inf: always.
+
+        A long coast ends the ascent: low perigees after it are no part of it.
+        """
         environment, atmosphere = arrays.environment[0], arrays.atmosphere
         end = -math.inf
         for k, start, stop in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
         ):
             arc = arrays.arcs[k]
+            if arc["kind"] == COAST and stop - start > LONG_COAST_S:
+                break
             for i in self._rows_between(float(start), float(stop)):
                 r, v = self.sample_position[i], self.sample_velocity[i]
                 force = norm(drag(arc, tuple(r), tuple(v), environment, atmosphere))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
+    ERROR_NONE,
     GUIDANCE_SETTINGS,
     HEATING_MEASURED,
     HEATING_MODELLED,
@@ -23,13 +24,18 @@ from ares_guidance.arrays import (
     OnboardArrays,
     blank_onboard,
 )
-from ares_guidance.guess import ArcPlan, OfflineTrajectory
+from ares_guidance.guess import ArcPlan, OfflineTrajectory, Programme
 from ares_guidance.kernels.legs import step_by_legs
 from ares_guidance.kernels.segments import TABLE_PIECES
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 from ares_models.mission_target import leaves_end_free
 from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs_plan
+
+#: Propellant by which a law may differ from the plan at the hand-over, as a fraction of the mass at
+#: the end: a law that needs more is lost, one that believes to need less finds its way.
+SAME_END = 0.005
+MOST_EARLY = 0.1
 
 
 def _setting(
@@ -372,12 +378,13 @@ class Law:
         self._answer = _entry(kind)
         self._settings = (settings or LawSettings()).record()
         self._arc_plan: ArcPlan | None = None
+        self._programme: Programme | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget the flight, and a plan that does not begin with the mission's first arc."""
         if self._arc_plan is not None and self._arc_plan.first_arc > 0:
-            self._arc_plan = None
+            self._arc_plan = self._programme = None
         self._begin()
 
     def _begin(self) -> None:
@@ -385,7 +392,55 @@ class Law:
         self.onboard = blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays, not self.kind.meets_place)[0]
-            self.state["programme"] = self._arc_plan.programme_record()[0]
+        if self._arc_plan is not None and self._programme is not None:
+            self.state["programme"] = self._programme.record()[0]
+
+    def _choose_programme(self, plan: ArcPlan) -> Programme | None:
+        """Return the programme after which the law takes over.
+
+        It is the first if the law then finds a way to the planned end; else that from which on the
+        law predicts this end well, to the end of the leg; else the first that leaves a way.
+        """
+        if not plan.programmes:
+            return None
+        first = plan.programmes[0]
+        _, excess = self._excess(plan, first)
+        if -MOST_EARLY <= excess <= SAME_END:
+            return first
+        chosen, way, leg = None, first, -1
+        for programme in plan.programmes[1:]:
+            ends, excess = self._excess(plan, programme)
+            if chosen is not None and ends != leg:
+                break
+            leg = ends
+            if way is first and -MOST_EARLY <= excess <= SAME_END:
+                way = programme
+            chosen = (chosen or programme) if abs(excess) <= SAME_END else None
+        return chosen or way
+
+    def _excess(self, plan: ArcPlan, programme: Programme) -> tuple[int, float]:
+        """Return the leg after a programme, and how much more the law believes that it burns.
+
+        Args:
+            plan: of the mission.
+            programme: after which the law takes over, at the planned state.
+
+        Returns:
+            index of the last arc of the leg; propellant beyond the plan as a fraction of the mass
+            at the end of the leg, inf if the law finds no way.
+        """
+        self._programme = None
+        self._begin()
+        self.onboard.navigation[0] = programme.state[0]
+        self._answer(self._arrays, self.onboard)
+        by_legs = bool(self.state["plan"]["made"]) and int(self.state["leg"]["count"]) > 0
+        last = int(self.state["leg"]["count"]) - 1 if by_legs else len(self._arrays.arcs) - 1
+        answer = self.state["leg"]["steering"] if by_legs else self.steering[0]
+        late = float(answer["cutoff_time"]) - plan.arc_ends_s[last]
+        sound = self.phase > PHASE_CONVERGING and self.state["error"] == ERROR_NONE
+        if not (sound and math.isfinite(late)):
+            return last, math.inf
+        return last, late * float(self._arrays.arcs["mass_flow"][last]) / plan.arc_ends_kg[last]
 
     @property
     def by_plan(self) -> bool:
@@ -418,6 +473,7 @@ class Law:
         """
         plan.record(self._arrays)
         self._arc_plan = plan
+        self._programme = self._choose_programme(plan)
         self._begin()
 
     def seed(

@@ -2,6 +2,7 @@
 """Flights from the pad: the plant, the optimum, the programme and the hand-over."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -268,8 +269,8 @@ def test_other_methods_say_that_they_do_not_know_the_air():
 def test_a_plan_is_made_without_being_asked_for(delta):
     mission, _ = delta
     plan = arc_plan(mission, find_law("peg"))
-    assert plan.programme is not None
-    assert np.all(np.diff(plan.programme.time) >= 0.0)
+    assert plan.programmes
+    assert np.all(np.diff(plan.programmes[0].time) >= 0.0)
 
 
 def test_boosters_make_arcs_and_drop_as_they_burn_out(delta):
@@ -424,3 +425,30 @@ def test_an_optimum_shows_what_the_air_does_as_a_flight_would(limited):
     for name in ("thrust", "axial_acceleration", "dynamic_pressure", "mach"):
         shown = np.interp(now, recording.truth["time"], recording.truth[name])
         assert shown == pytest.approx(float(told[name]), rel=2e-3), name
+
+
+def test_a_programme_steers_through_what_the_answer_leaves_open(limited):
+    """A start curve begins without thrust: the answer has no direction there."""
+    mission, solution = limited
+    trajectory = offline_trajectory(solution)
+    direction = trajectory.sample_direction.copy()
+    open_ = (trajectory.sample_time < 12.0) | (trajectory.sample_time > 150.0)
+    direction[open_ & (trajectory.sample_time < 170.0)] = math.nan
+    arrays = mission.arrays(foreseen=True)
+    for programme in replace(trajectory, sample_direction=direction).programmes(arrays):
+        assert np.linalg.norm(programme.direction, axis=1) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_programme_ends_a_free_coast_where_it_is_planned():
+    text = SMALL.format(thrust=800000.0).replace("coast_s: 4.0", "coast_s: free, max_s: 60.0")
+    mission = parse_mission(text, "small.yaml")
+    solution = solve(mission, "auto")
+    law = ready(mission, solution)
+    coast = next(one for one in solution.flown if mission.arc_names[one.arc] == "second coast")
+    simulator = Simulator(mission)
+    law.step(simulator.navigation)
+    assert law.phase == PHASE_BOOST
+    assert law.steering["arc_end_times"][0, coast.arc] == pytest.approx(coast.end_s, abs=1e-6)
+    end = flown(mission, solution, "peg")
+    assert end["inserted"]
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=3e-3)

@@ -450,7 +450,10 @@ def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     state = onboard.state
     solution = state.solution
     steering = onboard.steering
-    if state.phase == PHASE_TRACKING and solution.time_to_go <= onboard.settings.hold_time:
+    # from the pad a coast may pass through thin air: a short burn after it is aimed until it begins
+    ahead = state.programme.count > 0 and state.leg.coasting == 1
+    near = solution.time_to_go <= onboard.settings.hold_time and not ahead
+    if state.phase == PHASE_TRACKING and near:
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:

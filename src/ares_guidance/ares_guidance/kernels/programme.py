@@ -11,7 +11,8 @@ import math
 from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.environment import relative_velocity
+from ares_models.kernels.environment import heating_rate, relative_velocity
+from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
 
 #: Time beyond the plan by which a burn stays in the programme, as a share of the burn.
@@ -20,11 +21,11 @@ LATE_SHARE = 0.1
 
 @kernel
 def knots_of(programme: Record, arc: int) -> tuple[int, int]:
-    """Return the first and last knot of an arc; the last is before the first if it has none."""
+    """Return the first and last knot of an arc; without any, the first of the next, twice."""
     first = 0
-    while first < programme.count and programme.arc[first] != arc:
+    while first + 1 < programme.count and programme.arc[first] < arc:
         first += 1
-    last = first - 1
+    last = first
     while last + 1 < programme.count and programme.arc[last + 1] == arc:
         last += 1
     return first, last
@@ -36,6 +37,8 @@ def planned_time(
 ) -> float:
     """Return the planned time of a speed in the air, s; in a coast that since its begin.
 
+    A weak stage may lose speed first: until it has regained it, time counts there too.
+
     Args:
         programme: record PROGRAMME.
         first: knot at the begin of the present arc.
@@ -44,11 +47,14 @@ def planned_time(
         speed: in the air, m/s.
         burns: the arc is a burn.
     """
-    if not burns:
-        return programme.time[first] + nav.time - nav.arc_start_time
-    if speed <= programme.speed[first]:
-        return float(programme.time[first])
+    by_time = programme.time[first] + nav.time - nav.arc_start_time
     k = first
+    while k < last and programme.speed[k + 1] <= programme.speed[first]:
+        k += 1
+    if not burns or by_time < programme.time[k]:
+        return float(by_time)
+    if speed <= programme.speed[k]:
+        return float(programme.time[k])
     while k < last and programme.speed[k + 1] <= speed:
         k += 1
     if k == last:
@@ -59,7 +65,9 @@ def planned_time(
 
 
 @kernel
-def hands_over(programme: Record, first: int, nav: Record, speed: float, burns: bool) -> bool:
+def hands_over(
+    programme: Record, first: int, last: int, nav: Record, speed: float, burns: bool
+) -> bool:
     """Return whether the law takes over from the programme.
 
     Args: as in :func:`planned_time`.
@@ -71,8 +79,51 @@ def hands_over(programme: Record, first: int, nav: Record, speed: float, burns: 
     since = nav.time - nav.arc_start_time
     if not burns:
         return bool(since >= length)
+    at = planned_time(programme, first, last, nav, speed, burns)
     # a weak engine may never reach the speed
-    return bool(speed >= programme.speed[end] or since > (1.0 + LATE_SHARE) * length)
+    return bool(at >= programme.time[end] or since > (1.0 + LATE_SHARE) * length)
+
+
+@kernel
+def command_ends(mission: MissionRecords, onboard: Onboard) -> None:
+    """Command the planned ends of the free arcs ahead, before the last.
+
+    Args: as in :func:`flies_programme`.
+    """
+    nav = onboard.navigation
+    arcs = mission.arcs
+    end = nav.arc_start_time
+    for k in range(MAX_ARCS):
+        onboard.steering.arc_end_times[k] = math.nan
+    for k in range(nav.arc, arcs.shape[0] - 1):
+        free = math.isinf(arcs[k].duration)
+        end += onboard.state.plan.length[k] if free else arcs[k].duration
+        if free:
+            onboard.steering.arc_end_times[k] = end
+
+
+@kernel
+def command_jettison(mission: MissionRecords, onboard: Onboard) -> None:
+    """Command a heating jettison that is due by the plan, once the heating is below its limit.
+
+    Args: as in :func:`flies_programme`.
+    """
+    nav = onboard.navigation
+    steering = onboard.steering
+    steering.jettison = -1
+    steering.jettison_time = math.nan
+    if not nav.time >= onboard.state.plan.jettison_time:
+        return
+    rate = nav.heating_rate
+    if math.isnan(rate):
+        position, velocity = load(nav.position), load(nav.velocity)
+        rate = heating_rate(position, velocity, mission.environment, mission.atmosphere)
+    for j in range(mission.jettisons.shape[0]):
+        if awaits_heating(mission.jettisons, nav.jettisoned, j):
+            begun = mission.arcs[nav.arc].stage >= mission.jettisons[j].stage
+            if begun and rate <= mission.jettisons[j].value:
+                steering.jettison = j
+                steering.jettison_time = nav.time
 
 
 @kernel
@@ -91,7 +142,7 @@ def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
     speed = norm(relative_velocity(load(nav.position), load(nav.velocity), mission.environment))
     first, last = knots_of(programme, nav.arc)
     burns = mission.arcs[nav.arc].kind == BURN
-    if hands_over(programme, first, nav, speed, burns):
+    if hands_over(programme, first, last, nav, speed, burns):
         programme.over = 1
         return False
     programme.active = 1
@@ -107,10 +158,8 @@ def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
     store(steering.direction, unit(add(begin, scale(at - programme.time[k], rate))))
     store(steering.direction_rate, rate)
     steering.cutoff_time = math.nan
-    steering.jettison = -1
-    steering.jettison_time = math.nan
-    for j in range(MAX_ARCS):
-        steering.arc_end_times[j] = math.nan
+    command_ends(mission, onboard)
+    command_jettison(mission, onboard)
     if nav.time >= programme.next_cycle_time - 1e-9:
         programme.cycle += 1
         programme.next_cycle_time = nav.time + onboard.settings.cycle_period

@@ -6,31 +6,12 @@ lengths. A plan with constraints that the two-point problem lacks is flown leg b
 any plan once no optimum is found from the present state.
 """
 
-import math
-
 from ares_guidance.arrays import PHASE_TRACKING, Onboard
 from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.legs import lay_out, mission_of_leg, step_by_legs
+from ares_guidance.kernels.programme import command_ends
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
-
-
-@kernel
-def command_ends(mission: MissionRecords, onboard: Onboard) -> None:
-    """Command the planned ends of the free arcs ahead."""
-    nav = onboard.navigation
-    plan = onboard.state.plan
-    steering = onboard.steering
-    arcs = mission.arcs
-    end = nav.arc_start_time
-    for k in range(arcs.shape[0]):
-        steering.arc_end_times[k] = math.nan
-        if k < nav.arc:
-            continue
-        free = math.isinf(arcs[k].duration)
-        end += plan.length[k] if free else arcs[k].duration
-        if free and k + 1 < arcs.shape[0]:
-            steering.arc_end_times[k] = end
 
 
 @kernel
