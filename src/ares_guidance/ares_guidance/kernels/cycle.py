@@ -351,6 +351,15 @@ def gate(onboard: Onboard) -> int:
 
 
 @kernel
+def aims_ahead(state: Record) -> bool:
+    """Return whether a burn is aimed anew in the coast before it, however short it is.
+
+    A coast after a flight from the pad may pass through thin air.
+    """
+    return bool(state.programme.count > 0 and state.leg.coasting == 1)
+
+
+@kernel
 def solve(mission: MissionRecords, onboard: Onboard) -> None:
     """Iterate to convergence and apply the gates, or keep the last good solution.
 
@@ -380,7 +389,8 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
         return
     state.stale_cycles += 1
     restart = state.stale_cycles > settings.max_stale_cycles
-    if not cold and restart and state.saved.time_to_go < settings.restart_time:
+    late = state.saved.time_to_go < settings.restart_time and not aims_ahead(state)
+    if not cold and restart and late:
         # too late to restart: hold the last good solution, which is nearly exact
         state.solution = state.saved
         adopt_steering(onboard)
@@ -450,9 +460,7 @@ def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     state = onboard.state
     solution = state.solution
     steering = onboard.steering
-    # from the pad a coast may pass through thin air: a short burn after it is aimed until it begins
-    ahead = state.programme.count > 0 and state.leg.coasting == 1
-    near = solution.time_to_go <= onboard.settings.hold_time and not ahead
+    near = solution.time_to_go <= onboard.settings.hold_time and not aims_ahead(state)
     if state.phase == PHASE_TRACKING and near:
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
