@@ -111,7 +111,12 @@ class Programme(NamedTuple):
         inside = np.arange(len(self.time)) % max(1, stride) == 0
         ends = np.append(np.diff(self.arc) != 0, True)
         keep = inside | ends | np.append(True, ends[:-1])
-        return Programme(*(column[keep] for column in self[:-1]), self.state)
+        return self._replace(
+            arc=self.arc[keep],
+            time=self.time[keep],
+            speed=self.speed[keep],
+            direction=self.direction[keep],
+        )
 
 
 @dataclass(frozen=True)
@@ -518,32 +523,24 @@ class OfflineTrajectory:
                 share = LATEST_SHARE if np.isinf(arrays.arcs["duration"][k]) else 1.0
                 inside += list(np.linspace(start, start + share * (stop - start), LATER)[1:-1])
             ends += [t for t in inside if t > first]
-        return tuple(self._programme(arrays, end) for end in ends)
-
-    def _programme(self, arrays: MissionArrays, end: float) -> Programme:
-        """Return the attitude programme up to a time, s."""
         environment = arrays.environment[0]
+        speed = np.array([self._air_speed(i, environment) for i in range(len(self.sample_time))])
+        return tuple(self._programme(arrays, speed, end) for end in ends)
+
+    def _programme(self, arrays: MissionArrays, speed: Array, end: float) -> Programme:
+        """Return the attitude programme up to a time, s; speed in the air by sample, m/s."""
         parts = []
-        state = None
         for k, start, stop in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
         ):
-            if start >= end - SAME_TIME:
-                if state is None:
-                    row = self._rows_between(float(start), float(stop))[0]
-                    state = self._navigation(row, int(k), arrays)
-                continue
             rows = self._rows_between(float(start), min(float(stop), end))
-            if len(rows) < 2:
+            if start >= end - SAME_TIME or len(rows) < 2:
                 continue
-            if end < stop - SAME_TIME:
-                state = self._navigation(rows[-1], int(k), arrays)
-            speed = np.array([self._air_speed(i, environment) for i in rows])
             parts.append(
                 (
                     np.full(len(rows), k),
                     self.sample_time[rows],
-                    np.maximum.accumulate(speed),
+                    np.maximum.accumulate(speed[rows]),
                     self.sample_direction[rows].copy(),
                 )
             )
@@ -555,19 +552,29 @@ class OfflineTrajectory:
                 if coasts or not np.isfinite(direction[k]).all():
                     direction[k] = ahead
                 ahead = direction[k]
-        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-        return Programme(*columns, np.zeros(1, NAVIGATION) if state is None else state).thinned(
-            MAX_PROGRAMME
-        )
+        arc, time, rising, direction = (np.concatenate(c) for c in zip(*parts, strict=True))
+        state = self._navigation(end, arrays)
+        return Programme(arc, time, rising, direction, state).thinned(MAX_PROGRAMME)
 
-    def _navigation(self, row: int, k: int, arrays: MissionArrays) -> NDArray[np.void]:
-        """Return the planned navigation state of a sample in arc ``k``, shape (1,)."""
+    def _navigation(self, t: float, arrays: MissionArrays) -> NDArray[np.void]:
+        """Return the planned navigation state of the first sample from a time on, shape (1,).
+
+        Where an arc ends that is the state at the begin of the next.
+        """
+        later = self.flown_end_time > t + SAME_TIME
+        flown = int(np.argmax(later)) if later.any() else len(later) - 1
+        k = int(self.flown_arc[flown])
+        rows = self._rows_between(
+            float(self.flown_start_time[flown]), float(self.flown_end_time[flown])
+        )
+        after = int(np.searchsorted(self.sample_time[rows], t - TIME_ROUNDING))
+        row = rows[min(after, len(rows) - 1)]
         state = np.zeros(1, NAVIGATION)
         for name in ("time", "position", "velocity", "mass"):
             state[name] = getattr(self, f"sample_{name}")[row]
         state["heating_rate"] = math.nan
         state["arc"] = k
-        state["arc_start_time"] = self.flown_start_time[self.flown_arc == k][0]
+        state["arc_start_time"] = self.flown_start_time[flown]
         for j, jettison in enumerate(arrays.jettisons):
             over = bool(arrays.arcs["stage"][k] > jettison["stage"])
             if over or self.sample_time[row] >= self._drop_time(jettison, arrays):
