@@ -16,14 +16,13 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.judge import Judgement, judge
-from ares_models.plans import flies_in_air
 from ares_models.tolerances import (
     HEATING_W_M2,
     PRESSURE_SHARE,
     PROPELLANT_KG,
     ROUNDING_M,
 )
-from ares_optimizer.proof.flight import Piece, ProofFlight
+from ares_optimizer.proof.flight import Piece, ProofFlight, flies_in_air
 from ares_optimizer.proof.physics import dynamic_pressure, elements, q_alpha, surface_radius
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Check, ConstraintCheck, Verification
@@ -233,7 +232,7 @@ def _left_on(jettison: int, forgiven: bool) -> ConstraintCheck:
 def _heating_check(
     arrays: MissionArrays, key: Check, name: str, rate: float, limit: float
 ) -> ConstraintCheck:
-    share = HEATING_SHARE_IN_AIR if flies_in_air(arrays.arcs) else 0.0
+    share = HEATING_SHARE_IN_AIR if flies_in_air(arrays) else 0.0
     return _at_most(key, name, rate, limit, "W/m2", max(HEATING_W_M2, share * limit))
 
 
