@@ -184,6 +184,16 @@ def test_the_proposal_grows_with_the_way_to_the_start():
     assert start["ares_v"] == (420.0, 7.5)
     assert start["delta_iii"] == (1300.0, 24.0)
     assert start["saturn_v_tli"] == (660.0, 0.78)
+    # a pad is surveyed
+    assert start["delta_iii_pad"] == start["falcon9_leo_pad"] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "sigma"), [("ares_v", 0.3), ("delta_iii_pad", 0.03), ("falcon9_leo_pad", 0.03)]
+)
+def test_the_air_is_known_better_near_the_ground(name, sigma):
+    (density,) = proposed(load_mission(name)).log_density
+    assert density.size == sigma
 
 
 @pytest.mark.parametrize("name", ["apollo11_ascent", "ares_v", TEMPLATE])

@@ -50,16 +50,17 @@ def absolute_namespace(namespace: str) -> str:
     return absolute
 
 
-def heating_margin(dispersions: str) -> float:
+def heating_margin(dispersions: str, mission: str) -> float:
     """Return the margin to the heating limit for a guidance without a heating sensor.
 
     Raises:
-        CannotStart: the dispersions are invalid; one line.
+        CannotStart: the dispersions or the mission are invalid; one line.
     """
+    from ares_models.mission import load_mission
     from ares_vehicle_sim.dispersions import load_dispersions
 
     with refusals():
-        return load_dispersions(dispersions).heating_margin()
+        return load_dispersions(dispersions, load_mission(mission)).heating_margin()
 
 
 def check_possible(failure: str, mission: str) -> None:
@@ -93,7 +94,7 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     mission_facts(name)
     _find_law(str(flown.get("law", PEG)))
     if flown.get("dispersions"):
-        heating_margin(str(flown["dispersions"]))
+        heating_margin(str(flown["dispersions"]), name)
     if flown.get("failure"):
         check_possible(str(flown["failure"]), name)
     if bag and os.path.lexists(bag):

@@ -50,7 +50,7 @@ def node_parameters(
     if "failure" in given:
         check_possible(given["failure"], options.mission)
     if given.get("heating_source") == "model" and "dispersions" in given:
-        given["heating_margin"] = heating_margin(given["dispersions"])
+        given["heating_margin"] = heating_margin(given["dispersions"], options.mission)
     names = [SIMULATOR, GUIDANCE]
     if optimizer := optimizer_values(given):
         if reason := unmet("ares_optimizer", "solve"):

@@ -57,7 +57,9 @@ def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tupl
 
 
 def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> float:
-    """Return the lowest altitude of the coasts after the first burn, m; inf if there are none.
+    """Return the lowest altitude of the long coasts after the first burn, m; inf without one.
+
+    A coast of LONG_COAST_S at most is between two stages, on the way up, and has no perigee.
 
     Args:
         trajectory: of this mission.
@@ -65,7 +67,12 @@ def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> floa
     """
     coasting = arrays.arcs["kind"] == COAST
     first = int(np.argmin(coasting))
-    coasts = [at for k, at in _lowest(trajectory, arrays) if coasting[k] and k > first]
+    lengths = trajectory.flown_end_time - trajectory.flown_start_time
+    coasts = [
+        at
+        for (k, at), length in zip(_lowest(trajectory, arrays), lengths, strict=True)
+        if coasting[k] and k > first and length > LONG_COAST_S
+    ]
     return min(coasts, default=math.inf)
 
 

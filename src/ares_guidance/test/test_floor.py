@@ -160,6 +160,13 @@ def test_a_sample_below_the_ground(mission):
         check_floor(bad, arrays)
 
 
+@pytest.mark.parametrize(("length", "told"), [(6.0, False), (60.0, False), (61.0, True)])
+def test_a_coast_between_stages_is_not_told(mission, length, told):
+    orbit = Elements(6.6e6, 0.12, 0.5, 0.1, 0.2, true_anomaly=1.0)
+    lowest = lowest_coast(trajectory(orbit, length), mission.arrays())
+    assert math.isfinite(lowest) == told
+
+
 def test_no_coast_no_lowest(mission):
     arrays = mission.arrays()
     orbit = Elements(6.6e6, 0.0, 0.5, 0.1, 0.2, true_anomaly=0.0)

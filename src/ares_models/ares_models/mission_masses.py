@@ -115,10 +115,17 @@ def check_masses(mission: "Mission") -> None:
                 key=lambda k: -1 if stage.flight_arcs[k].free else k,
             )
             arc = stage.flight_arcs[k]
-            key = "thrust_table" if getattr(arc, "thrust_table", None) else "burn_time_s"
+            table = arc.thrust_table if isinstance(arc, BurnArc) else None
+            if table is not None and stage.propellant_kg is not None:
+                fail(
+                    ("stages", i, "propellant_kg"),
+                    stage.propellant_kg,
+                    f"at least the {used:,.9g} kg that the fixed burns of stage {stage.name} take "
+                    "by thrust_table and isp_s",
+                )
             fail(
-                ("stages", i, *stage.arc_path(k, key)),
-                arc.duration_s,
+                ("stages", i, *stage.arc_path(k, "thrust_table" if table else "burn_time_s")),
+                table or arc.duration_s,
                 f"burns that take at most {usable:,.9g} kg; the fixed burns of stage "
                 f"{stage.name} take {used:,.9g} kg",
             )

@@ -118,8 +118,8 @@ def check_lift_off(mission: "Mission") -> None:
         fail(
             (*path, "thrust_n"),
             arc.thrust_n,
-            f"more thrust than weight at lift-off; there are {net:,.0f} N in the air of the pad "
-            f"against {weight:,.0f} N",
+            f"more thrust than weight at lift-off, {weight:,.0f} N; the air of the pad takes "
+            f"{ambient:,.0f} N from it (exit_area_m2) and leaves {max(0.0, net):,.0f} N",
         )
 
 

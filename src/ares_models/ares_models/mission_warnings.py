@@ -44,6 +44,8 @@ FAR_ABOVE = 3.0
 LEAST_C3 = 300.0
 #: Largest angle between the planes of initial state and target, deg; ascents turn by a third.
 LARGEST_PLANE_CHANGE_DEG = 30.0
+#: Largest inclination below the latitude of the pad, deg, that a second burn may well turn by.
+LARGEST_DOG_LEG_DEG = 5.0
 #: Largest difference of an inclination in radians from one in degrees, deg.
 SAME_PLANE_DEG = 2.0
 #: Least share of a stage's propellant that burns of fixed length take.
@@ -220,6 +222,9 @@ def _highest(mission: "Mission") -> float | None:
 
 
 def _plane(mission: "Mission") -> Iterator[Doubt]:
+    if mission.initial_state.AT_REST:
+        yield from _plane_from_pad(mission)
+        return
     start, target = mission.start(), mission.target
     before = Insertion.from_state(start.position, start.velocity)
     key, angle = "inclination_deg", 0.0
@@ -244,6 +249,35 @@ def _plane(mission: "Mission") -> Iterator[Doubt]:
             f"state's, whose inclination is {math.degrees(before.inclination):.3f} deg and node "
             f"{math.degrees(before.ascending_node):.3f} deg from the inertial x axis",
         )
+
+
+def _plane_from_pad(mission: "Mission") -> Iterator[Doubt]:
+    """Tell of a plane that no azimuth reaches: tilted too little, or of another time of launch."""
+    target = mission.target
+    if target.inclination_deg is None:
+        return
+    x, y, z = mission.start().position
+    radius, tilt = math.hypot(x, y, z), math.radians(target.inclination_deg)
+    latitude = abs(math.degrees(math.asin(z / radius)))
+    least = latitude - min(target.inclination_deg, 180.0 - target.inclination_deg)
+    node = target.node_deg(mission)
+    if least > LARGEST_DOG_LEG_DEG:
+        yield Doubt(
+            ("target", "inclination_deg"),
+            f"is {target.inclination_deg:g}, a plane that does not reach the pad's latitude, "
+            f"{latitude:.1f} deg: the flight has to turn by {least:.1f} deg or more, a dog leg",
+        )
+    elif node is not None:
+        turn = math.radians(node)
+        across = math.sin(tilt) * (x * math.sin(turn) - y * math.cos(turn)) + z * math.cos(tilt)
+        off = abs(math.degrees(math.asin(across / radius)))
+        if off > LARGEST_PLANE_CHANGE_DEG:
+            key = target.node_key or "rla_deg"
+            yield Doubt(
+                ("target", key),
+                f"is {getattr(target, key):g}, a plane that is {off:.1f} deg off the pad at the "
+                "start; another time of launch brings the pad into it",
+            )
 
 
 def _turned(before: Insertion, node: float, inclination_deg: float | None) -> float:

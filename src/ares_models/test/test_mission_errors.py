@@ -705,7 +705,12 @@ TABLES = {
     "table that burns too much": (
         "    thrust_table: [[0, 3e7], [180, 3e7]]\n    isp_s: 280\n",
         "stages[0].thrust_table",
-        "expected burns that take at most",
+        "is a list of 2; expected burns that take at most",
+    ),
+    "table that burns more than is loaded": (
+        "    propellant_kg: 700000\n    thrust_table: [[0, 2e7], [180, 2e7]]\n    isp_s: 280\n",
+        "stages[0].propellant_kg",
+        "is 700000.0; expected at least the 1,31",
     ),
 }
 

@@ -70,9 +70,13 @@ SLIPS = {
         {"target.perigee_altitude_m": 118e3, "target.apogee_altitude_m": 118e3},
         ["jettisons[0].heating_limit_w_m2 may never be met: in the target's orbit it is 5,"],
     ),
-    "inclination of another site": (
-        {"target.inclination_deg": 98.0},
-        ["target.inclination_deg is 98, a plane "],
+    "inclination below the pad's latitude": (
+        {"target.inclination_deg": 20.0},
+        ["target.inclination_deg is 20, a plane that does not reach the pad's latitude, 39.1 deg"],
+    ),
+    "node of another time of launch": (
+        {"target.ascending_node_deg": 40.0},
+        ["target.ascending_node_deg is 40, a plane that is "],
     ),
     "acceleration in g": (
         {"stages.1.arcs.1.max_acceleration_m_s2": 4.5},
@@ -124,6 +128,12 @@ def test_a_slip_is_named_with_its_line(tmp_path, slip):
         assert line.endswith(f": {text}")
         key = text.split()[0].rpartition(".")[2]
         assert rows[int(where) - 1].strip("- ").startswith(f"{key}:")
+
+
+@pytest.mark.parametrize("inclination", [35.0, 98.0, 144.0])
+def test_of_a_plane_through_the_pad_nothing_is_said(tmp_path, inclination):
+    file = changed(tmp_path, {"target.inclination_deg": inclination})
+    assert warnings(load_mission(file)) == []
 
 
 def test_an_energy_in_km2_s2(tmp_path):

@@ -116,7 +116,7 @@ def _cool_from_jettison(request: Request) -> Solution:
         return relaxed
     jettisons = request.arrays.jettisons
     limit = float(jettisons["value"][jettisons["criterion"] == HEATING_LIMIT].min())
-    check = heating_from_jettison(peak, limit)
+    check = heating_from_jettison(request.arrays, peak, limit)
     if check.satisfied:
         return replace(relaxed, constraints=(*relaxed.constraints, check))
     steps = (*relaxed.steps, f"heating from the jettison on: {peak:,.0f} W/m2, limit {limit:,.0f}")

@@ -28,7 +28,7 @@ def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
     """Return a line with the constraints that the independent integration finds violated."""
     for check in checks:
         # a flight through the Earth makes other checks meaningless
-        if check.key is Check.LOWEST_ALTITUDE and not check.satisfied:
+        if check.key is Check.LOWEST_ALTITUDE and not check.satisfied and check.value < 0.0:
             return f"the flight goes through the ground, {-check.value:,.0f} m deep"
     broken = [_broken(check) for check in checks if not check.satisfied]
     return "; ".join(broken)
@@ -39,6 +39,11 @@ def _broken(check: ConstraintCheck) -> str:
     if check.key is Check.JETTISON_BEFORE_CUTOFF:
         return f"jettison {check.jettison} is still on at the cut-off"
     value, limit, unit = check.value, check.limit, check.unit
+    if check.key is Check.LOWEST_ALTITUDE:
+        return (
+            f"{check.name} is {value:,.0f} m, {limit - value:,.0f} m below its floor of "
+            f"{limit:,.0f} m"
+        )
     return (
         f"{check.name} is {value:,.6g} {unit}, limit {limit:,.6g} {unit}, "
         f"off by {value - limit:,.3g} {unit}"

@@ -11,10 +11,18 @@ from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
-_TRIALS = 20
+_TRIALS = 40
+#: Payloads tried, ever nearer to one that flies, where no flight is found.
+_HALVINGS = 5
+#: Step of the payload over the propellant left, while no payload is known to be too large.
+_BEYOND = 1.25
 #: Tolerance of the propellant left at the greatest payload, kg, and relative.
 _LEFT_KG = 1e-3
 _LEFT = 1e-6
+
+
+class _NoFlight(Exception):
+    """Signal that no flight is found with a payload, however much propellant there is."""
 
 
 class Greatest(NamedTuple):
@@ -39,7 +47,8 @@ def greatest_payload(
     """Find the payload at which the last stage is depleted as it reaches the target.
 
     The propellant left, negative for a shortfall, falls with the payload; its zero is found by
-    regula falsi (Illinois).
+    regula falsi (Illinois), from the payload of the file on. Where no flight is found with a
+    payload, a smaller one is tried.
 
     Args:
         mission: with its masses by item.
@@ -47,8 +56,8 @@ def greatest_payload(
         report: see :class:`ares_optimizer.deadline.Deadline`.
 
     Raises:
-        OptimizerError: masses are not by item, the last burn is not free, or not even a flight
-            without payload is found; one line.
+        OptimizerError: masses are not by item, the last burn is not free, or no flight is found;
+            one line.
     """
     if mission.payload_kg is None:
         raise OptimizerError("payload_kg is missing; expected masses by item to maximize it")
@@ -56,30 +65,41 @@ def greatest_payload(
     if not math.isinf(arcs[-1]["duration"]):
         raise OptimizerError("the last burn has a fixed length; expected a free one")
 
-    def left(payload: float) -> float:
-        trial = mission.model_copy(update={"payload_kg": payload})
-        return _propellant_left(trial, Deadline(time_limit_s, report))
+    def left(payload: float, above: float) -> tuple[float, float]:
+        """Return the payload tried, between ``above`` and the given one, and what it leaves."""
+        reason = ""
+        for _ in range(_HALVINGS):
+            trial = mission.model_copy(update={"payload_kg": payload})
+            try:
+                return payload, _propellant_left(trial, Deadline(time_limit_s, report))
+            except _NoFlight as error:
+                reason = reason or str(error)
+            if payload <= above:
+                break
+            payload = 0.5 * (above + payload)
+        raise OptimizerError(reason)
 
-    low, left_low = 0.0, left(0.0)
-    if not left_low >= 0.0:
-        raise OptimizerError(
-            f"payload_kg: the last stage lacks {-left_low:,.1f} kg of propellant without any"
-        )
-    high = max(mission.payload_kg, left_low)
-    left_high = left(high)
-    for _ in range(_TRIALS):
-        if left_high < 0.0:
-            break
-        low, left_low, high = high, left_high, 2.0 * high
-        left_high = left(high)
+    low, left_low = left(mission.payload_kg, 0.0)
+    high, left_high = math.inf, math.nan
+    if left_low < 0.0:
+        high, left_high = low, left_low
+        low, left_low = left(0.0, 0.0)
+        if not left_low >= 0.0:
+            raise OptimizerError(
+                f"payload_kg: the last stage lacks {-left_low:,.1f} kg of propellant without any"
+            )
     enough = _LEFT_KG + _LEFT * float(arcs[-1]["propellant"])
     for _ in range(_TRIALS):
         if left_low <= enough:
             break
-        middle = low + (high - low) * left_low / (left_low - left_high)
-        # aim at a small remainder of propellant
-        middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
-        there = left(middle)
+        if math.isinf(high):
+            # a kilogram more on board takes about one of propellant
+            middle = low + _BEYOND * left_low
+        else:
+            middle = low + (high - low) * left_low / (left_low - left_high)
+            # aim at a small remainder of propellant
+            middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
+        middle, there = left(middle, low)
         if there >= 0.0:
             low, left_low, left_high = middle, there, 0.5 * left_high
         else:
@@ -92,7 +112,7 @@ def _propellant_left(mission: Mission, deadline: Deadline) -> float:
     """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
 
     Raises:
-        OptimizerError: no flight is found with any propellant.
+        _NoFlight: no flight is found with any propellant.
     """
     arrays = mission.arrays()
     arcs = arrays.arcs
@@ -107,6 +127,6 @@ def _propellant_left(mission: Mission, deadline: Deadline) -> float:
         verify=False,
     )
     if not found.flyable:
-        raise OptimizerError(f"payload_kg is {mission.payload_kg:,.1f}: {found.reason}")
+        raise _NoFlight(f"payload_kg is {mission.payload_kg:,.1f}: {found.reason}")
     dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
     return usable - (stack - dropped - found.m_f_kg)

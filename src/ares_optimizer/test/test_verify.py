@@ -11,11 +11,13 @@ from ares_models.kernels.environment import gravity as kernel_gravity
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.kepler import kepler
 from ares_models.mission import load_mission
-from ares_optimizer.proof.checks import constraint_table
+from ares_optimizer.obstacles import check_obstacle
+from ares_optimizer.proof.checks import constraint_table, heating_from_jettison
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.proof.physics import elements, gravity, heating
 from ares_optimizer.proof.sequence import plan_flight, running, thrust_and_flow
 from ares_optimizer.request import Heating
+from ares_optimizer.solution import Check, ConstraintCheck
 from ares_optimizer.solve import solve
 
 
@@ -198,3 +200,19 @@ def test_drop_at_a_time_after_ignition(ares_v):
     solution = solve(arrays._replace(), state=ares_v.start().navigation())
     assert solution.converged, solution.reason
     assert solution.t_plf_s == pytest.approx(437.15)
+
+
+def test_a_floor_that_is_missed_is_named_with_the_distance():
+    key, name = Check.LOWEST_ALTITUDE, "perigee radius in arc 5"
+    perigee = ConstraintCheck(key, name, 6_499_155.0, 6_528_137.0, True, "m", False)
+    said = "perigee radius in arc 5 is 6,499,155 m, 28,982 m below its floor of 6,528,137 m"
+    assert check_obstacle((perigee,)) == said
+    ground = ConstraintCheck(key, "lowest altitude", -70_000.0, 0.0, True, "m", False)
+    assert check_obstacle((perigee, ground)) == "the flight goes through the ground, 70,000 m deep"
+
+
+@pytest.mark.parametrize(("name", "allowed"), [("ares_v", 0.2), ("falcon9_leo_pad", 11.35)])
+def test_in_the_air_a_heating_limit_is_kept_within_a_hundredth(name, allowed):
+    arrays = load_mission(name).arrays()
+    assert heating_from_jettison(arrays, 1135.0 + 0.99 * allowed, 1135.0).satisfied
+    assert not heating_from_jettison(arrays, 1135.0 + 1.01 * allowed, 1135.0).satisfied

@@ -60,3 +60,9 @@ def test_an_error_of_the_program_is_not_asked_about():
     found = reaches(settings(), rows)
     assert list(found) == [2]
     assert isinstance(found[2], Reach)
+
+
+def test_of_a_flight_in_the_air_it_is_left_open():
+    pad = load_mission("delta_iii_pad")
+    found = reach(Settings(pad, load_dispersions("standard", pad)), 42)
+    assert str(found).startswith("within reach or not: unknown, an optimum through the air takes")

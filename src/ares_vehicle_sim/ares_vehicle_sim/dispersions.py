@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import NormalDist
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,9 @@ from ares_models.input_file import (
 from ares_models.mission_keys import Latitude, Moment, Part, Turn, fail
 from ares_models.ranges import Range
 
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
 #: Largest mean or bound of a spread, as a multiple of the largest sigma.
 MAX_SIGMAS = 5.0
 
@@ -50,8 +53,9 @@ DISPERSIONS = InputKind(
     "dispersions", DispersionsError, "ares_vehicle_sim", "data", may_be_empty=True
 )
 
-#: Default dispersions of a campaign.
+#: Default dispersions of a campaign, and what this name means for a start at rest on the pad.
 STANDARD = "standard"
+STANDARD_PAD = "standard_pad"
 
 
 @dataclass(frozen=True)
@@ -353,19 +357,22 @@ def _siblings(location: KeyPath) -> list[str]:
     return list(parts.get(location[0] if len(location) > 1 else "", Dispersions).model_fields)
 
 
-def load_dispersions(name_or_path: str | Path) -> Dispersions:
+def load_dispersions(name_or_path: str | Path, mission: "Mission | None" = None) -> Dispersions:
     """Read a dispersions file.
 
     Args:
         name_or_path: name of shipped dispersions, or path of a file.
+        mission: to disperse; STANDARD means STANDARD_PAD if it starts at rest on the pad.
 
     Raises:
         DispersionsError: one line with the file, the key, its value and the expected one.
     """
-    return read_dispersions(name_or_path)[0]
+    return read_dispersions(name_or_path, mission)[0]
 
 
-def read_dispersions(name_or_path: str | Path) -> tuple[Dispersions, str]:
+def read_dispersions(
+    name_or_path: str | Path, mission: "Mission | None" = None
+) -> tuple[Dispersions, str]:
     """Read a dispersions file; return its content and its text.
 
     Args: as in `load_dispersions`.
@@ -373,6 +380,8 @@ def read_dispersions(name_or_path: str | Path) -> tuple[Dispersions, str]:
     Raises:
         DispersionsError: as in `load_dispersions`.
     """
+    if name_or_path == STANDARD and mission is not None and mission.initial_state.AT_REST:
+        name_or_path = STANDARD_PAD
     path = DISPERSIONS.find(name_or_path)
     text = read_text(path, DISPERSIONS)
     data, lines = parse_input(text, str(path), DISPERSIONS)

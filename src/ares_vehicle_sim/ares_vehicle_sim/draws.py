@@ -171,6 +171,7 @@ class Sampler:
             problem = "they need the Python package scipy, which is not installed"
             raise DispersionsError("dispersions", [problem])
         _check_starts(mission, dispersions)
+        _check_pad(mission, dispersions)
         self._sobol = _Sobol(self._quantities, seed) if dispersions.draws == "sobol" else None
         self.columns = tuple(column for q in self._quantities for column in q.columns)
         # a trial draw reports a missing NRLMSIS now instead of in a flight
@@ -372,3 +373,24 @@ def _check_starts(mission: Mission, dispersions: Dispersions) -> None:
             stage = mission.stage_names[arc["stage"]]
             problem = f"start_delay_s needs room for a knot in the start of {stage}, which is full"
             raise DispersionsError("dispersions", [problem])
+
+
+def _check_pad(mission: Mission, dispersions: Dispersions) -> None:
+    """Check that nothing moves, pushes or holds a vehicle at rest on the pad.
+
+    Raises:
+        DispersionsError: something does.
+    """
+    if not mission.initial_state.AT_REST:
+        return
+    for key in (POSITION, VELOCITY, "initial_covariance"):
+        value = getattr(dispersions, key)
+        if value is not None and (key == "initial_covariance" or any(s.active for s in value)):
+            problem = f"{key} is given; expected none, the mission starts at rest on the pad"
+            raise DispersionsError("dispersions", [problem])
+    if dispersions.start_delay_s[0].active and mission.arrays().arcs["start_knots"][0] > 0:
+        problem = (
+            f"start_delay_s is {dispersions.start_delay_s[0]} for {mission.stage_names[0]}; "
+            "expected 0, the mission begins as it lifts off the pad"
+        )
+        raise DispersionsError("dispersions", [problem])

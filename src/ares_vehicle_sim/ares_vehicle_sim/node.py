@@ -270,10 +270,12 @@ class VehicleSimNode(FlightNode):
         if reason := _why_no_pace(values["pace"]):
             raise NodeError(reason)
         dispersions, texts = Dispersions(), {}
-        if values["dispersions"]:
-            dispersions, texts["dispersions_text"] = read_dispersions(values["dispersions"])
-        limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
         mission, texts[MISSION_TEXT] = read_mission(values["mission"])
+        if values["dispersions"]:
+            dispersions, texts["dispersions_text"] = read_dispersions(
+                values["dispersions"], mission
+            )
+        limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
         self._mission_name = mission.name
         flight = (
             mission,

@@ -11,6 +11,7 @@ import numpy as np
 
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
+from ares_models.plans import flies_in_air
 
 #: One sigma as a fraction of the speed over the ground, after an open-loop ascent.
 SPEED_SHARE = 0.005
@@ -24,7 +25,9 @@ SPECIFIC_IMPULSE = 0.001
 DRY_MASS = 0.0025
 PROPELLANT = 0.001
 JETTISON_MASS = 0.01
+#: One sigma of the logarithm of a factor on the density: where a fairing goes, and below 30 km.
 LOG_DENSITY = 0.3
+LOG_DENSITY_LOW = 0.03
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,10 @@ def propose(mission: Mission) -> Iterator[Proposed]:
     yield Proposed("propellant", PROPELLANT, "of what is loaded: 0.3 % is three sigma")
     if mission.jettisons:
         yield Proposed("jettison_mass", JETTISON_MASS, "of each part that is dropped")
-    if any(part.heating_limit_w_m2 is not None for part in mission.jettisons):
+    if flies_in_air(mission.arrays().arcs):
+        reason = "the air below 30 km, where drag and loads are, is 3 % denser or thinner"
+        yield Proposed("log_density", LOG_DENSITY_LOW, reason)
+    elif any(part.heating_limit_w_m2 is not None for part in mission.jettisons):
         reason = "the air where a fairing goes is a third denser or thinner than the model's"
         yield Proposed("log_density", LOG_DENSITY, reason)
 
@@ -71,7 +77,12 @@ def _dry_shares(mission: Mission) -> Iterator[float]:
 
 
 def _start(mission: Mission) -> Iterator[Proposed]:
-    """Propose the errors of the initial state, small in orbit, larger after open-loop flight."""
+    """Propose the errors of the initial state, small in orbit, larger after open-loop flight.
+
+    A pad is surveyed: a start at rest on it has none.
+    """
+    if mission.initial_state.AT_REST:
+        return
     start = mission.start()
     earth = mission.earth()
     radius = float(np.linalg.norm(start.position))

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from ares_models.mission import load_mission
 from ares_vehicle_sim.dispersions import (
     DISPERSIONS,
     Dispersions,
@@ -121,6 +122,16 @@ def test_the_shipped_files():
     assert wide.initial_position_m == (Spread(size=10_000.0),)
     assert wide.initial_velocity_m_s == (Spread(size=100.0),)
     assert wide.thrust == standard.thrust
+
+
+def test_from_the_pad_standard_leaves_the_start_alone():
+    pad, above = load_mission("delta_iii_pad"), load_mission("delta_iii")
+    standard, there = load_dispersions("standard"), load_dispersions("standard", pad)
+    assert load_dispersions("standard", above) == standard
+    assert there == load_dispersions("standard_pad")
+    assert (there.thrust, there.j2) == (standard.thrust, standard.j2)
+    assert there.initial_position_m == there.initial_velocity_m_s == (Spread(),)
+    assert there.log_density == (Spread(size=0.03),)
 
 
 def test_the_ways_to_say_a_spread(tmp_path):

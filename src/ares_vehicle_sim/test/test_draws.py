@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws: a stream for each quantity, a place in it for each flight, and the drawn vehicles."""
 
+import re
 from importlib import resources
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from scipy.stats import kstest, qmc
 
 from ares_models.arrays import NAVIGATION
-from ares_models.mission import load_mission
+from ares_models.mission import MISSION, load_mission
 from ares_vehicle_sim.arrays import NAVIGATION_ERRORS
 from ares_vehicle_sim.dispersions import (
     Dispersions,
@@ -345,3 +346,29 @@ def test_without_scipy_nothing_is_drawn_and_a_plain_flight_is_flown(monkeypatch)
     assert Sampler(mission, Dispersions(), seed=1).columns == ()
     with pytest.raises(DispersionsError, match="need the Python package scipy, which is not"):
         Sampler(mission, Dispersions(thrust=0.01), seed=1)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"initial_position_m": 1.0}, "initial_position_m is given; expected none"),
+        ({"initial_velocity_m_s": [0, 0, 1]}, "initial_velocity_m_s is given; expected none"),
+        ({"initial_covariance": np.eye(6).tolist()}, "initial_covariance is given; expected none"),
+    ],
+)
+def test_what_moves_a_vehicle_on_its_pad_is_refused(given, said):
+    dispersions = Dispersions.model_validate(given)
+    with pytest.raises(DispersionsError, match=f"{said}, the mission starts at rest on the pad"):
+        Sampler(load_mission("delta_iii_pad"), dispersions, 0)
+    Sampler(load_mission("delta_iii"), dispersions, 0)
+
+
+def test_a_first_ignition_on_the_pad_is_not_delayed(tmp_path):
+    text = MISSION.find("falcon9_leo_pad").read_text().replace("    vertical_rise_s: 8.0\n", "")
+    curve = "thrust_n: 8227000.0\n    start: [[0.0, 0.9], [1.0, 1.0]]"
+    path = tmp_path / "started.yaml"
+    path.write_text(re.sub(r"thrust_n: \S+", curve, text, count=1))
+    mission = load_mission(path)
+    with pytest.raises(DispersionsError, match=r"start_delay_s is 0\.1 for .*; expected 0, the"):
+        Sampler(mission, Dispersions(start_delay_s=0.1), 0)
+    Sampler(mission, Dispersions(start_delay_s=[0.0, 0.1]), 0)

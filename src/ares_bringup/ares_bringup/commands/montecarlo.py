@@ -94,10 +94,10 @@ class CampaignOptions:
         mission: Mission | None = None
         try:
             self_starting(self.guidance)
-            dispersions = load_dispersions(self.dispersions)
+            mission = load_mission(self.mission)
+            dispersions = load_dispersions(self.dispersions, mission)
             if given.get("heating_source") == "model":
                 given["heating_margin"] = dispersions.heating_margin()
-            mission = load_mission(self.mission)
             return Settings(
                 mission=mission,
                 dispersions=dispersions,

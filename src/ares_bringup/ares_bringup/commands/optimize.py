@@ -16,9 +16,11 @@ from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart, refusal
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
+from ares_models.kernels.environment import altitude
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
 from ares_models.mission_warnings import FAR_ABOVE
+from ares_models.plans import flies_in_air
 from ares_models.registry import registered
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
@@ -199,7 +201,7 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print()
     out.print(constraint_table(mission, solution))
     out.print()
-    for name, text in proof_facts(solution).items():
+    for name, text in (_air_facts(mission, solution) | proof_facts(solution)).items():
         out.print(f"{name}: {text}", soft_wrap=True)
 
 
@@ -210,6 +212,23 @@ def _results(solution: Solution) -> dict[str, float]:
         "cut-off, s": solution.t_meco_s,
         "final mass, kg": solution.m_f_kg,
     }
+
+
+def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
+    """Describe the greatest dynamic pressure of a flight in the air, by name."""
+    track = solution.trajectory
+    arrays = mission.arrays()
+    if track is None or not flies_in_air(arrays.arcs):
+        return {}
+    turning = np.array([0.0, 0.0, mission.earth().rotation_rate])
+    speeds = np.linalg.norm(track.velocity - np.cross(turning, track.position), axis=1)
+    heights = [altitude(tuple(r), arrays.environment[0]) for r in track.position]
+    air, factor = mission.atmosphere(), mission.environment.atmosphere.density_factor
+    densities = np.array([factor * air.density(height) for height in heights])
+    pressures = 0.5 * densities * speeds**2
+    k = int(np.argmax(pressures))
+    place = f"at {track.time_s[k]:.1f} s and {heights[k] / 1e3:.1f} km"
+    return {"greatest dynamic pressure": f"{pressures[k] / 1e3:.2f} kPa {place}"}
 
 
 def plain_table(first: str, *columns: str) -> Table:
@@ -284,10 +303,10 @@ def proof_facts(solution: Solution) -> dict[str, str]:
                 default=math.inf,
             )
             if peak > FAR_ABOVE * limit:
-                line += (
-                    f", {peak / limit:,.0f} times the limit; a higher min_perigee_altitude_m of a "
-                    "free coast keeps it down"
-                )
+                line += f", {peak / limit:,.0f} times the limit"
+                # free arcs before the last have a length to check
+                if any(c.key is Check.ARC_LENGTH for c in solution.constraints):
+                    line += "; a higher min_perigee_altitude_m of a free coast keeps it down"
             facts["greatest heating"] = line
     if solution.costates is not None:
         spread = max(solution.costates.hamiltonian_spread, default=math.nan)

@@ -149,6 +149,11 @@ def _stack_mass(arrays: MissionArrays, arc: int, done: set[int]) -> float:
     )
 
 
+def flies_in_air(arrays: MissionArrays) -> bool:
+    """Return whether forces of the air or a vertical rise are part of a flight."""
+    return any(bool(arrays.arcs[name].any()) for name in ("drag_knots", "exit_area", "vertical"))
+
+
 def _integrate(
     arrays: MissionArrays,
     plan: Plan,
@@ -165,7 +170,7 @@ def _integrate(
     environment = arrays.environment[0]
     engines = running(plan.engines, *span)
     arc = arrays.arcs[plan.arc_at(0.5 * (span[0] + span[1]))]
-    in_air = any(arrays.arcs[name].any() for name in ("drag_knots", "exit_area", "vertical"))
+    in_air = flies_in_air(arrays)
 
     def engine(t: float, mass: float) -> tuple[float, float]:
         return thrust_and_flow(arrays.arcs, engines, t, mass)

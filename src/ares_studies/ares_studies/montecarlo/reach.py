@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from ares_models.plans import flies_in_air
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_studies.montecarlo.flights import Settings
@@ -44,7 +45,7 @@ class Reach:
 
 
 def reach(settings: Settings, flight: int) -> Reach:
-    """Solve for the optimum of a campaign's flight.
+    """Solve for the optimum of a campaign's flight, unless it leads through the air.
 
     Args:
         settings: of the campaign.
@@ -54,6 +55,8 @@ def reach(settings: Settings, flight: int) -> Reach:
         DispersionsError: the dispersions do not fit the mission; one line.
     """
     mission = settings.mission
+    if flies_in_air(mission.arrays().arcs):
+        return Reach(None, math.nan, "an optimum through the air takes seconds a flight")
     true, vehicle = true_vehicle(
         mission, settings.options, settings.dispersions, settings.seed, flight
     )
