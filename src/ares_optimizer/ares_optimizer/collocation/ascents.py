@@ -22,7 +22,7 @@ from ares_optimizer.collocation.guess import (
     trials,
     without_speed,
 )
-from ares_optimizer.collocation.pilot import Array, Pilot, TrialFlight
+from ares_optimizer.collocation.pilot import Array, Pilot, TrialFlight, plane_from_ground
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -41,9 +41,9 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
         search: of a mission; nothing is yielded if it does not leave the pad for a free coast.
     """
     arrays, start = search.arrays, search.start
-    pilot = Pilot(arrays, start, search.floors)
-    if pilot.plane is None:
+    if plane_from_ground(arrays, start) is None:
         return
+    pilot = Pilot(arrays, start, search.floors)
     ways = []
     for alone in ascents_to_park(pilot):
         ascent = _best_ascent(search, alone) or _best_ascent(search, without_speed(alone))
