@@ -20,7 +20,7 @@ from numpy.random import Generator
 
 from ares_bags.errors import BagError
 from ares_bags.verify import verify
-from ares_bringup.held import SHARED, all_pids, shared_memory
+from ares_bringup.held import PORT, SHARED, all_pids, shared_memory
 from ares_node.domains import claimed_domain
 from ares_trials.faults.scene import MARK, leftovers, marked
 
@@ -205,8 +205,10 @@ def interrupt(name: str, rng: Generator) -> str:
             return f"{complaint}: {output.strip()[-200:]}"
         if "Traceback" in output:
             return f"a traceback: {output.strip()[-300:]}"
-        # files left by others may be mapped too, or in use
-        kept = {path for path in mapped - before if Path(path).exists()}
+        # files left by others may be mapped too, or in use; ports stay for reuse, and those below
+        # 7400 are shared by the flights of all domains
+        new = {path for path in mapped - before if PORT not in path}
+        kept = {path for path in new if Path(path).exists()}
         left += sorted(kept - shared_memory(all_pids()))
         if left:
             return "left behind: " + "; ".join(left)
