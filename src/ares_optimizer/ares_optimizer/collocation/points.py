@@ -105,44 +105,6 @@ def _at_event(at: float, begins: Array, p: int | None) -> float:
     return nearest if abs(nearest - at) < SAME_LENGTH else at
 
 
-def finer_guess(program: CollocationProgram, old: CollocationProgram, x: Array) -> Array:
-    """Interpolate the variables of a finer program from those of a coarser one."""
-    lengths = x[old.lengths] * old.time
-    out = np.zeros(program.size)
-    pieces = program.segments
-    for p, piece in enumerate(pieces):
-        out[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
-        out[program.masses[p]] = float(piece["mass"]) / program.mass
-        out[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
-    then, now = node_times(old, lengths), node_times(program)
-    states = x[: 6 * old.nodes].reshape(-1, 6)
-    steady = np.concatenate(([True], np.diff(then) > 1e-9))
-    track = CubicHermiteSpline(
-        then[steady], states[steady, :3], states[steady, 3:] * (old.speed / old.radius)
-    )
-    inside = np.clip(now, then[0], then[-1])
-    new = np.column_stack((track(inside), track(inside, 1) * (old.radius / old.speed)))
-    new[0] = program.start_state
-    for c in range(3, 6):
-        new[1:, c] = np.interp(inside[1:], then[steady], states[steady, c])
-    out[: 6 * program.nodes] = new.ravel()
-    thrust_times, directions = [], []
-    for point in old.points:
-        if point["control"] >= 0:
-            at = int(point["control"])
-            thrust_times.append(then[int(point["node"] + point["number"])])
-            directions.append(x[at : at + 3])
-    if directions:
-        table = np.array(directions)
-        for point in program.points:
-            if point["control"] >= 0:
-                t = now[int(point["node"] + point["number"])]
-                u = np.array([np.interp(t, thrust_times, table[:, c]) for c in range(3)])
-                at = int(point["control"])
-                out[at : at + 3] = u / max(float(np.linalg.norm(u)), 1e-9)
-    return out
-
-
 def is_idle(found: FoundOptimum) -> bool:
     """Return true if no direction of the thrust can save propellant."""
     rows = 6 * len(found.program.points)

@@ -13,6 +13,7 @@ from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
@@ -20,7 +21,6 @@ from ares_optimizer.collocation.points import (
     FoundOptimum,
     acting_limits,
     align_directions,
-    finer_guess,
     lowest_in,
     mass_of,
     times_of,
@@ -64,6 +64,8 @@ _GAINED = 1e-7
 _MOST_PROPELLANT = 0.97
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
+#: The same from a solution on other intervals, with its multipliers.
+_MOST_WARM = 50
 #: Depth below ground at which an arc without a floor gets one, m.
 _DEEP_M = 1.0
 #: Such a floor is so far below the start of the flight, m.
@@ -83,6 +85,7 @@ _MOST_CREEPS = 8
 _HELD = 1e-6
 #: Factors on the limits of dynamic pressure and q alpha, one after the other.
 _LIMIT_STEPS = (30.0, 2.0, 1.0)
+_MOST_LIMIT_STEPS = 10
 
 
 @dataclass
@@ -243,12 +246,20 @@ class Search:
     def _first_point(self, program: CollocationProgram, trial: TrialFlight) -> StoppingPoint:
         """Solve a program from a first guess; pressure limits are narrowed in steps."""
         x, mu = guess_of(program, trial), _BESIDE if trial.limited else None
-        for factor in _LIMIT_STEPS if program.limit_rows and not trial.limited else (1.0,):
-            program.scale_limits(dict.fromkeys(program.limit_rows, factor))
+        steps = list(_LIMIT_STEPS if program.limit_rows and not trial.limited else (1.0,))
+        last = math.nan
+        for _ in range(_MOST_LIMIT_STEPS):
+            program.scale_limits(dict.fromkeys(program.limit_rows, steps[0]))
             point = self._creep(program, x, mu)
-            if not point.solved:
+            if point.solved:
+                x, mu, last = point.x, CORNER, steps.pop(0)
+                if not steps:
+                    break
+            elif math.isnan(last):
                 break
-            x, mu = point.x, CORNER
+            else:
+                # half way, in proportion
+                steps.insert(0, math.sqrt(last * steps[0]))
         return point
 
     def _creep(self, program: CollocationProgram, x: Array, mu: float | None) -> StoppingPoint:
@@ -309,7 +320,7 @@ class Search:
                 program = CollocationProgram(self.arrays, self.start, times, floors)
             except ValueError:
                 continue
-            guess = finer_guess(program, found.program, found.point.x)
+            guess = carried_variables(program, found.program, found.point.x)
             point = self._solved_program(program, guess, CORNER)
             if point.solved and mass_of(program, point) > found.m_f_kg * (1.0 + _GAINED):
                 return FoundOptimum(program, point, mass_of(program, point))
@@ -478,14 +489,19 @@ def refined(
         )
     except ValueError:
         return None
-    guess = finer_guess(program, found.program, found.point.x)
+    warm = None if search.idle else carried_point(program, found.program, found.point)
+    guess = carried_variables(program, found.program, found.point.x)
     if search.idle:
         align_directions(program, guess)
     known: FoundOptimum | None = None
     limited = bool(acting_limits(found))
     same = LIMITED_MASS if limited else SAME_MASS
-    for mu in (CORNER, None) if limited else (_NEAR, None):
-        point = solve_program(program, guess, search.request.deadline, mu=mu)
+    ways: list[tuple[Array | StoppingPoint, float | None, int]]
+    ways = [(guess, mu, _MOST_FIRST) for mu in ((CORNER, None) if limited else (None, _NEAR))]
+    if warm is not None:
+        ways.insert(0, (warm, None, _MOST_WARM))
+    for begin, mu, most in ways:
+        point = solve_program(program, begin, search.request.deadline, mu=mu, most=most)
         search.iterations += point.iterations
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
             known = FoundOptimum(program, point, mass_of(program, point))
