@@ -41,6 +41,14 @@ _LIFT_OFFS = (
     (8.0, 0.0, 10.0, 0.0),
     (57.0, 0.0, -10.0, 0.0),
 )
+#: The same of a zero-lift turn: its first tilt, pitch in thin air at the begin and at the end, yaw.
+_TURNS = (
+    (8.0, 25.0, 0.0, 0.0),
+    (4.0, 25.0, 0.0, 0.0),
+    (15.0, 15.0, 0.0, 0.0),
+    (2.0, 40.0, -10.0, 0.0),
+    (25.0, 10.0, 5.0, 0.0),
+)
 #: The same of a burn in orbit, relative to the velocity.
 _BURNS = (
     (0.0, 0.0, 0.0, 0.0),
@@ -172,7 +180,7 @@ def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
     """Yield initial steering constants, without known lengths."""
     choices = _ASCENTS if pilot.ascends else _BURNS
     if pilot.plane is not None:
-        choices = _LIFT_OFFS
+        choices = _TURNS if pilot.turns else _LIFT_OFFS
     for angles in choices:
         constants = np.zeros(CONSTANTS * pilot.count)
         constants[:CONSTANTS] = np.radians(angles)

@@ -131,6 +131,10 @@ class Pilot:
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         #: Plane of an ascent from the ground, a unit vector; None: it begins above the air.
         self.plane = plane_from_ground(arrays, start)
+        #: An ascent begins with a zero-lift turn, which keeps limits of the angle of attack.
+        self.turns = self.plane is not None and bool(
+            np.isfinite(arrays.arcs["max_q_alpha"][self.groups == 0]).any()
+        )
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)
         self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
@@ -181,10 +185,13 @@ class Pilot:
             if group > 0:
                 frame = rollout.FROM_VELOCITY
             elif self.plane is not None:
-                frame = rollout.FROM_PAD
+                frame = rollout.TURN if self.turns else rollout.FROM_PAD
                 laws[members, rollout.NORMAL : rollout.LAW_COLUMNS] = self.plane
             laws[members, rollout.FRAME] = frame
             laws[members, rollout.REFERENCE] = begin
+            if frame == rollout.TURN:
+                upright = [begins[k + 1] for k in members if self.arrays.arcs[k]["vertical"]]
+                laws[members, rollout.REFERENCE] = max([begin, *upright])
             laws[members, rollout.SPAN] = max(1.0, begins[burns[-1] + 1] - begin)
             laws[members, rollout.PITCH : rollout.NORMAL] = constants[
                 CONSTANTS * group : CONSTANTS * (group + 1)

@@ -11,7 +11,7 @@ from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
 from ares_models.kernels.environment import altitude, gravity, log_heating_gradient
-from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
+from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, load, norm, scale, unit
 from ares_optimizer.kernels.timetable import (
     Times,
     fill_timetable,
@@ -32,7 +32,7 @@ ALTITUDE = 11
 ARC = 12
 TRACK_COLUMNS = 13
 #: Columns of a steering law: its frame, time of its first angles, s, time from these to its last
-#: ones, s, these pitch and yaw angles, rad, and the normal of the plane of FROM_PAD.
+#: ones, s, these pitch and yaw angles, rad, and the normal of the plane of FROM_PAD and TURN.
 FRAME = 0
 REFERENCE = 1
 SPAN = 2
@@ -44,22 +44,41 @@ NORMAL = 7
 LAW_COLUMNS = 10
 #: Frames of a law: the horizon along the velocity, the velocity, or the horizon in a given plane.
 #: In the last one the pitch falls from the vertical as a power of time; the exponent is its first
-#: pitch angle.
+#: pitch angle. A zero-lift turn is along the velocity through the air up to thin air; its angles are
+#: the first tilt off it, which fades, the pitch in thin air at the begin and at the end, and the yaw.
 FROM_HORIZON = 0.0
 FROM_VELOCITY = 1.0
 FROM_PAD = 2.0
+TURN = 3.0
+#: Altitude of thin air, m, and time in which a tilt fades, s.
+_THIN_AIR_M = 4e4
+_TILT_S = 10.0
+_AT_REST_M_S = 1e-3
 #: Least exponent.
 _LEAST_POWER = 0.05
 
 
 @kernel
-def thrust_direction(law: Array, t: float, r: Vector, v: Vector) -> Vector:
+def thrust_direction(law: Array, t: float, r: Vector, v: Vector, environment: Record) -> Vector:
     """Return the thrust direction of a steering law."""
     part = (t - law[REFERENCE]) / law[SPAN]
     pitch = law[PITCH] + (law[PITCH_END] - law[PITCH]) * part
     yaw = law[YAW] + (law[YAW_END] - law[YAW]) * part
     normal = unit(cross(r, v))
-    if law[FRAME] == FROM_PAD:
+    if law[FRAME] == TURN:
+        pitch, yaw = law[YAW] + (law[PITCH_END] - law[YAW]) * part, law[YAW_END]
+        up = unit(r)
+        along = unit(cross((law[NORMAL], law[NORMAL + 1], law[NORMAL + 2]), up))
+        if altitude(r, environment) < _THIN_AIR_M:
+            rate = environment.rotation_rate
+            air = (v[0] + rate * r[1], v[1] - rate * r[0], v[2])
+            # at rest it is upwards
+            ahead = unit(axpy(_AT_REST_M_S, up, air))
+            tilt = law[PITCH] * math.exp(min(0.0, (law[REFERENCE] - t) / _TILT_S))
+            across = unit(axpy(-dot(along, ahead), ahead, along))
+            return axpy(math.sin(tilt), across, scale(math.cos(tilt), ahead))
+        normal = cross(up, along)
+    elif law[FRAME] == FROM_PAD:
         turned = max(0.0, part) ** max(_LEAST_POWER, law[PITCH])
         pitch = 0.5 * math.pi + (law[PITCH_END] - 0.5 * math.pi) * turned
         up = unit(r)
@@ -92,7 +111,7 @@ def acceleration(
         return a
     if arc.exit_area > 0.0:
         thrust -= pressure_loss(arc, r, environment, mission.atmosphere)
-    u = thrust_direction(law, t, r, v)
+    u = thrust_direction(law, t, r, v, environment)
     if arc.vertical == 1:
         u = local_vertical(r, environment)
     return axpy(thrust * per, u, a)
@@ -139,7 +158,7 @@ def fly_track(
                 return 0
             t = segment.start + k * h
             track[rows, TIME] = t
-            u = thrust_direction(law, t, r, v)
+            u = thrust_direction(law, t, r, v, environment)
             if mission.arcs[segment.arc].vertical == 1:
                 u = local_vertical(r, environment)
             for c in range(3):

