@@ -131,9 +131,11 @@ class Pilot:
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         #: Plane of an ascent from the ground, a unit vector; None: it begins above the air.
         self.plane = plane_from_ground(arrays, start)
-        #: An ascent begins with a zero-lift turn, which keeps limits of the angle of attack.
-        self.turns = self.plane is not None and bool(
-            np.isfinite(arrays.arcs["max_q_alpha"][self.groups == 0]).any()
+        #: An ascent with pressure limits begins with a zero-lift turn, which keeps them or nearly so.
+        own = arrays.arcs[self.groups == 0]
+        self.turns = self.plane is not None and any(
+            bool(np.isfinite(own[name]).any())
+            for name in ("max_q_alpha", "max_dynamic_pressure")
         )
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)

@@ -13,6 +13,7 @@ from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import TrialFlight
@@ -83,9 +84,10 @@ _CREEP = 0.3
 _CREEP_S = 20.0
 _MOST_CREEPS = 8
 _HELD = 1e-6
-#: Factors on the limits of dynamic pressure and q alpha, one after the other.
-_LIMIT_STEPS = (30.0, 2.0, 1.0)
-_MOST_LIMIT_STEPS = 10
+#: Factor on the limits of dynamic pressure and q alpha where they cannot be kept, and most searches
+#: with other limits.
+_WIDER = 1.5
+_MOST_NARROWED = 10
 
 
 @dataclass
@@ -138,6 +140,8 @@ class Search:
         self.idle = False
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
+        #: Least factor on the pressure limits with which a flight was found where one failed.
+        self.limits_met = math.inf
         r = start["position"][0]
         self._start_m = float(altitude(tuple(r), arrays.environment[0]))
 
@@ -244,16 +248,30 @@ class Search:
         return found
 
     def _first_point(self, program: CollocationProgram, trial: TrialFlight) -> StoppingPoint:
-        """Solve a program from a first guess; pressure limits are narrowed in steps."""
+        """Solve a program from a first guess.
+
+        The first search that fails repeats with wider pressure limits, which it narrows in steps.
+        """
         x, mu = guess_of(program, trial), _BESIDE if trial.limited else None
-        import os
-        steps=list(eval(os.environ.get("STEPS","(1.0,)")))
-        for factor in steps:
+        point = self._creep(program, x, mu)
+        if point.solved or not program.limit_rows or math.isfinite(self.limits_met):
+            return point
+        factor, met = _WIDER, math.inf
+        for _ in range(_MOST_NARROWED):
             program.scale_limits(dict.fromkeys(program.limit_rows, factor))
-            point = self._creep(program, x, mu)
-            if not point.solved:
-                break
-            x, mu = point.x, CORNER
+            narrowed = self._creep(program, x, mu)
+            if narrowed.solved:
+                x, mu, met = narrowed.x, CORNER, factor
+                self.limits_met = min(met, self.limits_met)
+                if met == 1.0:
+                    return narrowed
+                factor = 1.0
+            elif math.isinf(met):
+                factor *= _WIDER
+            else:
+                # half way, in proportion
+                factor = math.sqrt(factor * met)
+        program.scale_limits(dict.fromkeys(program.limit_rows, 1.0))
         return point
 
     def _creep(self, program: CollocationProgram, x: Array, mu: float | None) -> StoppingPoint:
@@ -351,7 +369,13 @@ class Search:
                 Status.ILLEGAL_START,
                 "no flight can be computed: the last burn does not begin, or too many events",
             )
-        return Cause(Status.STALLED, f"no flight to the target found from {self._first_guesses()}")
+        reason = f"no flight to the target found from {self._first_guesses()}"
+        if 1.0 < self.limits_met < math.inf:
+            reason += (
+                f" within the limits of dynamic pressure and q alpha; with limits "
+                f"{self.limits_met:.2f} times as high there is one"
+            )
+        return Cause(Status.STALLED, reason)
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
@@ -409,29 +433,35 @@ def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:
         for phases in program.arc_phases.values():
             for p in phases:
                 if len(phases) > 1 and lengths[p] <= SAME_LENGTH:
-                    times = _moved_times(program, times_of(program, x), phases, p, move)
+                    times = _moved_times(program, x, phases, p, move)
                     if times is not None:
                         yield times
 
 
 def _moved_times(
-    program: CollocationProgram, times: FreeTimes, phases: list[int], p: int, move: float
+    program: CollocationProgram, x: Array, phases: list[int], p: int, move: float
 ) -> FreeTimes | None:
     """Return the times with the event at a vanished phase moved out of its arc.
 
     Args:
         program: the program.
-        times: of its solution.
+        x: its solution.
         phases: of the arc.
         p: the vanished phase.
         move: time by which to move, s.
     """
+    times = times_of(program, x)
     drops = times.drops.copy()
+    lengths = program.time * x[program.lengths]
+    burning = program.steering != COASTING
     for number, at in program.drop_ends.items():
+        # in a coast nothing is gained: on to the burn before or after it
         if at == p and p == phases[0]:
-            drops[number] -= move
+            before = max((q for q in range(p) if burning[q]), default=p - 1)
+            drops[number] -= move + lengths[before + 1 : p].sum()
         if at == p - 1 and p == phases[-1]:
-            drops[number] += move
+            after = min((q for q in range(p + 1, len(lengths)) if burning[q]), default=p + 1)
+            drops[number] += move + lengths[p + 1 : after].sum()
     if (drops != times.drops).any():
         return times._replace(drops=drops)
     # limit of a throttle: end the burn before it, or the burn before later
