@@ -7,6 +7,7 @@ air, and is flown by the constants of a trial flight.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -18,6 +19,7 @@ from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
     ascents_to_park,
+    in_turn,
     node_times,
     trials,
     without_speed,
@@ -44,22 +46,15 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     if plane_from_ground(arrays, start) is None:
         return
     pilot = Pilot(arrays, start, search.floors)
-    ways = []
+    ways: list[Iterator[TrialFlight]] = []
     for alone in ascents_to_park(pilot):
         ascent = _best_ascent(search, alone) or _best_ascent(search, without_speed(alone))
         if ascent is not None:
             after = _state_after(start, ascent)
             following = trials(arrays, after, floors_of(arrays, after), vary_coasts=True)
-            ways.append((ascent, islice(following, _MOST_AFTER)))
+            ways.append(map(partial(_joined, pilot, ascent), islice(following, _MOST_AFTER)))
     # in turn, since the first guesses of each are the likeliest
-    while ways:
-        for way in list(ways):
-            ascent, following = way
-            trial = next(following, None)
-            if trial is None:
-                ways.remove(way)
-            else:
-                yield _joined(pilot, ascent, trial)
+    yield from in_turn(ways)
 
 
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:

@@ -41,14 +41,11 @@ _LIFT_OFFS = (
     (8.0, 0.0, 10.0, 0.0),
     (57.0, 0.0, -10.0, 0.0),
 )
-#: The same of a zero-lift turn: its first tilt, pitch in thin air at the begin and at the end, yaw.
-_TURNS = (
-    (8.0, 25.0, 0.0, 0.0),
-    (4.0, 25.0, 0.0, 0.0),
-    (15.0, 15.0, 0.0, 0.0),
-    (2.0, 40.0, -10.0, 0.0),
-    (25.0, 10.0, 5.0, 0.0),
-)
+#: Flight-path angles at which zero-lift turns enter thin air, deg, first tilts between which those
+#: are found, rad, and steps to find one.
+_TURNS = (25.0, 35.0, 15.0, 45.0, 8.0)
+_TILTS = (0.0, 1.2)
+_TILT_STEPS = 14
 #: The same of a burn in orbit, relative to the velocity.
 _BURNS = (
     (0.0, 0.0, 0.0, 0.0),
@@ -113,11 +110,17 @@ def trials(
     """
     pilot = Pilot(arrays, start, floors)
     coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
+    if not coasts:
+        pilots = [pilot]
+        if pilot.plane is not None and _has_limits(arrays):
+            pilots.insert(0, Pilot(arrays, start, floors, turns=True))
+        yield from in_turn([_best_first(each) for each in pilots])
+        return
     tried: set[tuple[float, ...]] = set()
     likely: list[_Begin] = []
     for begins, parts in _choices(pilot, coasts):
         found = []
-        for begin in likely if coasts and len(begins) > _LIKELY and likely else begins:
+        for begin in likely if len(begins) > _LIKELY and likely else begins:
             constants, known = begin
             times = _first_times(pilot, constants, known, dict(zip(coasts, parts, strict=True)))
             key = () if times is None else (*constants, *np.round(times.lengths, 0))
@@ -130,15 +133,44 @@ def trials(
         found.sort(key=lambda one: one[0].miss)
         if len(found) > _LIKELY:
             likely = [begin for _, _, begin in found[:_LIKELY]]
-        if not coasts:
-            yield from (trial for trial, _, _ in found)
-        elif found:
-            # with coasts the choice is their length, without them the steering
+        if found:
             trial, constants, _ = found[0]
             if trial.miss > _FAR:
                 again, _ = pilot.aim(trial.times, constants, coasts=True)
                 trial = min(trial, again, key=lambda one: one.miss)
             yield trial
+
+
+def _has_limits(arrays: MissionArrays) -> bool:
+    """Return true if a stage limits the dynamic pressure or q alpha."""
+    names = ("max_dynamic_pressure", "max_q_alpha")
+    return any(bool(np.isfinite(arrays.arcs[name]).any()) for name in names)
+
+
+def _best_first(pilot: Pilot) -> Iterator[TrialFlight]:
+    """Fit the steering of a flight without free coasts; yield a good fit at once."""
+    others = []
+    for constants, known in _start_constants(pilot):
+        times = _first_times(pilot, constants, known, {})
+        if times is None:
+            continue
+        trial, _ = pilot.aim(times, constants)
+        if trial.miss < _FAR:
+            yield trial
+        elif math.isfinite(trial.miss):
+            others.append(trial)
+    yield from sorted(others, key=lambda trial: trial.miss)
+
+
+def in_turn(ways: list[Iterator[TrialFlight]]) -> Iterator[TrialFlight]:
+    """Yield one of each in turn."""
+    while ways:
+        for way in list(ways):
+            trial = next(way, None)
+            if trial is None:
+                ways.remove(way)
+            else:
+                yield trial
 
 
 #: Initial steering constants, and the known lengths of free arcs, s, by arc.
@@ -147,9 +179,6 @@ _Begin = tuple[Array, dict[int, float]]
 
 def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
     """Yield initial steering, with lengths of the free coasts as fractions of a revolution."""
-    if not coasts:
-        yield list(_start_constants(pilot)), ()
-        return
     parking = _ascent_alone(pilot, pilot.apogee_m)
     ascents = [parking] if parking is not None else list(_start_constants(pilot))
     longest = pilot.longest(coasts[0]) / pilot.period
@@ -178,13 +207,35 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
 
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
     """Yield initial steering constants, without known lengths."""
+    if pilot.turns:
+        for angle in _TURNS:
+            yield _turn_constants(pilot, math.radians(angle)), {}
+        return
     choices = _ASCENTS if pilot.ascends else _BURNS
     if pilot.plane is not None:
-        choices = _TURNS if pilot.turns else _LIFT_OFFS
+        choices = _LIFT_OFFS
     for angles in choices:
         constants = np.zeros(CONSTANTS * pilot.count)
         constants[:CONSTANTS] = np.radians(angles)
         yield constants, {}
+
+
+def _turn_constants(pilot: Pilot, angle: float) -> Array:
+    """Return constants of a zero-lift turn that enters thin air at a flight-path angle, rad."""
+    constants = np.zeros(CONSTANTS * pilot.count)
+    constants[1] = angle
+    lengths = _untried_lengths(pilot)
+    last = longest_burn(pilot.arrays, len(pilot.arrays.arcs) - 1)
+    cutoff = float(pilot.begins(lengths, min(last, float(pilot.arrays.arcs[-1]["duration"])))[-1])
+    times = FreeTimes(lengths, cutoff, _late(pilot, lengths, last))
+    low, high = _TILTS
+    for _ in range(_TILT_STEPS):
+        constants[0] = 0.5 * (low + high)
+        if pilot.angle_in_thin_air(pilot.fly(times, constants)) > angle:
+            low = constants[0]
+        else:
+            high = constants[0]
+    return constants
 
 
 def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
@@ -314,12 +365,7 @@ def _first_times(
     arrays = pilot.arrays
     arcs = arrays.arcs
     mu = float(arrays.environment[0]["mu"])
-    lengths = np.array(
-        [
-            0.5 * pilot.longest(k) if arcs[k]["kind"] == BURN else float(arcs[k]["shortest"])
-            for k in pilot.free
-        ]
-    )
+    lengths = _untried_lengths(pilot)
     wanted = target_energy(arrays)
     apogee = _target_apogee(arrays)
     last_free = math.isinf(arcs[-1]["duration"])
@@ -348,6 +394,17 @@ def _first_times(
     end = min(max(end, begin + 0.01 * last), begin + 0.98 * last)
     times = times._replace(cutoff=end)
     return pilot.with_drops(times, track)
+
+
+def _untried_lengths(pilot: Pilot) -> Array:
+    """Return lengths of the free arcs before any flight, s."""
+    arcs = pilot.arrays.arcs
+    return np.array(
+        [
+            0.5 * pilot.longest(k) if arcs[k]["kind"] == BURN else float(arcs[k]["shortest"])
+            for k in pilot.free
+        ]
+    )
 
 
 def _late(pilot: Pilot, lengths: Array, last: float) -> Array:

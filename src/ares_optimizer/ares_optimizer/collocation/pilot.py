@@ -56,6 +56,8 @@ _LONGEST_S = 1e5
 #: Altitude, m, and speed over ground, m/s, below which an ascent begins on the ground.
 _LOW_M = 2e4
 _SLOW_M_S = 300.0
+#: Depth below the ground of a track that meets it, m.
+_DEEP_M = 1e3
 
 
 @dataclass(frozen=True)
@@ -67,12 +69,14 @@ class TrialFlight:
         track: shape (n, TRACK_COLUMNS), of :mod:`rollout`.
         miss: norm of the errors against target and floors, without unit.
         limited: it keeps the pressure limits.
+        turned: it begins with a zero-lift turn, which keeps those of the angle of attack.
     """
 
     times: FreeTimes
     track: Array
     miss: float
     limited: bool = False
+    turned: bool = False
 
 
 class Pilot:
@@ -86,7 +90,11 @@ class Pilot:
     """
 
     def __init__(
-        self, arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
+        self,
+        arrays: MissionArrays,
+        start: NDArray[np.void],
+        floors: tuple[Floor, ...],
+        turns: bool = False,
     ) -> None:
         """Group the arcs and choose a first parking orbit.
 
@@ -94,8 +102,10 @@ class Pilot:
             arrays: the mission.
             start: shape (1,), dtype NAVIGATION.
             floors: of the arcs.
+            turns: an ascent from the ground begins with a zero-lift turn.
         """
         self.arrays = arrays
+        self.turns = turns
         self.start = start
         self.floors = floors
         self._mission = arrays.records()
@@ -131,12 +141,6 @@ class Pilot:
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         #: Plane of an ascent from the ground, a unit vector; None: it begins above the air.
         self.plane = plane_from_ground(arrays, start)
-        #: An ascent with pressure limits begins with a zero-lift turn, which keeps them or nearly so.
-        own = arrays.arcs[self.groups == 0]
-        self.turns = self.plane is not None and any(
-            bool(np.isfinite(own[name]).any())
-            for name in ("max_q_alpha", "max_dynamic_pressure")
-        )
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)
         self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
@@ -211,6 +215,17 @@ class Pilot:
             self._track,
         )
         return self._track[:rows]
+
+    def angle_in_thin_air(self, track: Array) -> float:
+        """Return the flight-path angle at which a track enters thin air, rad; -pi/2: never."""
+        thin = track[:, rollout.ALTITUDE] > rollout.THIN_AIR_M
+        if not thin.any() or track[: int(np.argmax(thin)) + 1, rollout.ALTITUDE].min() < -_DEEP_M:
+            return -0.5 * math.pi
+        row = track[int(np.argmax(thin))]
+        r, v = (row[at : at + 3] for at in (rollout.POSITION, rollout.VELOCITY))
+        rate = float(self.arrays.environment[0]["rotation_rate"])
+        air = v - np.cross([0.0, 0.0, rate], r)
+        return math.asin(float(r @ air) / float(np.linalg.norm(r) * np.linalg.norm(air)))
 
     def with_drops(self, times: FreeTimes, track: Array) -> FreeTimes:
         """Return the times with drops where the heating on a track first meets its limit.
@@ -350,7 +365,7 @@ class Pilot:
         if len(again):
             track = again
         miss = float(np.linalg.norm(self.miss_of(track)))
-        return TrialFlight(there, track.copy(), miss), found.x[:n]
+        return TrialFlight(there, track.copy(), miss, turned=self.turns), found.x[:n]
 
 
 def plane_from_ground(arrays: MissionArrays, start: NDArray[np.void]) -> Array | None:

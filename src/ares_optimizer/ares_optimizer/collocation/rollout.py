@@ -51,7 +51,7 @@ FROM_VELOCITY = 1.0
 FROM_PAD = 2.0
 TURN = 3.0
 #: Altitude of thin air, m, and time in which a tilt fades, s.
-_THIN_AIR_M = 4e4
+THIN_AIR_M = 4e4
 _TILT_S = 10.0
 _AT_REST_M_S = 1e-3
 #: Least exponent.
@@ -69,7 +69,7 @@ def thrust_direction(law: Array, t: float, r: Vector, v: Vector, environment: Re
         pitch, yaw = law[YAW] + (law[PITCH_END] - law[YAW]) * part, law[YAW_END]
         up = unit(r)
         along = unit(cross((law[NORMAL], law[NORMAL + 1], law[NORMAL + 2]), up))
-        if altitude(r, environment) < _THIN_AIR_M:
+        if altitude(r, environment) < THIN_AIR_M:
             rate = environment.rotation_rate
             air = (v[0] + rate * r[1], v[1] - rate * r[0], v[2])
             # at rest it is upwards

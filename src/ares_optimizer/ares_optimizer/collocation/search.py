@@ -84,10 +84,10 @@ _CREEP = 0.3
 _CREEP_S = 20.0
 _MOST_CREEPS = 8
 _HELD = 1e-6
-#: Factor on the limits of dynamic pressure and q alpha where they cannot be kept, and most searches
-#: with other limits.
-_WIDER = 1.5
-_MOST_NARROWED = 10
+#: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
+#: between them.
+_LIMIT_STEPS = (30.0, 2.0, 1.0)
+_MOST_NARROWED = 6
 
 
 @dataclass
@@ -140,8 +140,10 @@ class Search:
         self.idle = False
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
-        #: Least factor on the pressure limits with which a flight was found where one failed.
+        #: Least factor on the pressure limits with which a flight was found where one failed, and if
+        #: more of them were tried.
         self.limits_met = math.inf
+        self.narrowed = False
         r = start["position"][0]
         self._start_m = float(altitude(tuple(r), arrays.environment[0]))
 
@@ -250,27 +252,29 @@ class Search:
     def _first_point(self, program: CollocationProgram, trial: TrialFlight) -> StoppingPoint:
         """Solve a program from a first guess.
 
-        The first search that fails repeats with wider pressure limits, which it narrows in steps.
+        Pressure limits that the guess does not keep are narrowed in steps; the first search that
+        fails so continues with smaller ones.
         """
         x, mu = guess_of(program, trial), _BESIDE if trial.limited else None
-        point = self._creep(program, x, mu)
-        if point.solved or not program.limit_rows or math.isfinite(self.limits_met):
-            return point
-        factor, met = _WIDER, math.inf
-        for _ in range(_MOST_NARROWED):
-            program.scale_limits(dict.fromkeys(program.limit_rows, factor))
-            narrowed = self._creep(program, x, mu)
-            if narrowed.solved:
-                x, mu, met = narrowed.x, CORNER, factor
-                self.limits_met = min(met, self.limits_met)
-                if met == 1.0:
-                    return narrowed
-                factor = 1.0
-            elif math.isinf(met):
-                factor *= _WIDER
+        kept = trial.limited or trial.turned or not program.limit_rows
+        steps, met = [1.0] if kept else list(_LIMIT_STEPS), math.inf
+        more = 0 if kept or self.narrowed else _MOST_NARROWED
+        while True:
+            program.scale_limits(dict.fromkeys(program.limit_rows, steps[0]))
+            point = self._creep(program, x, mu)
+            if point.solved:
+                x, mu, met = point.x, CORNER, steps.pop(0)
+                if not steps:
+                    return point
+            elif math.isinf(met) or not more:
+                break
             else:
                 # half way, in proportion
-                factor = math.sqrt(factor * met)
+                more -= 1
+                self.narrowed = True
+                steps.insert(0, math.sqrt(steps[0] * met))
+        if not kept:
+            self.limits_met = min(met, self.limits_met)
         program.scale_limits(dict.fromkeys(program.limit_rows, 1.0))
         return point
 
