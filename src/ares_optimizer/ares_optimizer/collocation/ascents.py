@@ -53,6 +53,7 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
             after = _state_after(start, ascent)
             following = trials(arrays, after, floors_of(arrays, after), vary_coasts=True)
             ways.append(map(partial(_joined, pilot, ascent), islice(following, _MOST_AFTER)))
+    search.ways = max(1, len(ways))
     # in turn, since the first guesses of each are the likeliest
     yield from in_turn(ways)
 

@@ -24,6 +24,7 @@ from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, TrialFligh
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
+from ares_optimizer.results import SAME_LENGTH
 
 #: Trial pitch and yaw at begin and end of an ascent, deg.
 _ASCENTS = (
@@ -66,6 +67,10 @@ _SOON = 0.12
 _FAR = 1e-2
 #: Number of steering constants that are kept of several.
 _LIKELY = 2
+#: Eccentricity from which a coast to apogee is tried first after an ascent, and relative difference
+#: of lengths up to which two such flights are one.
+_ROUND = 0.01
+_SAME_ARCS = 0.02
 #: Length of a burn, relative to the longest, below which it is not needed.
 _NEEDLESS = 0.01
 #: Fraction of the target's apogee at which a burn towards it ends.
@@ -118,7 +123,9 @@ def trials(
         return
     tried: set[tuple[float, ...]] = set()
     likely: list[_Begin] = []
-    for begins, parts in _choices(pilot, coasts):
+    yielded: list[FreeTimes] = []
+    eccentric = vary_coasts and pilot.eccentricity > _ROUND
+    for begins, parts in _choices(pilot, coasts, eccentric):
         found = []
         for begin in likely if len(begins) > _LIKELY and likely else begins:
             constants, known = begin
@@ -138,7 +145,16 @@ def trials(
             if trial.miss > _FAR:
                 again, _ = pilot.aim(trial.times, constants, coasts=True)
                 trial = min(trial, again, key=lambda one: one.miss)
+            if vary_coasts and any(_is_same(trial.times, times) for times in yielded):
+                continue
+            yielded.append(trial.times)
             yield trial
+
+
+def _is_same(one: FreeTimes, other: FreeTimes) -> bool:
+    """Return true if two flights have nearly the same lengths."""
+    near = _SAME_ARCS * np.maximum(one.lengths, other.lengths) + SAME_LENGTH
+    return bool((np.abs(one.lengths - other.lengths) <= near).all())
 
 
 def _has_limits(arrays: MissionArrays) -> bool:
@@ -177,12 +193,16 @@ def in_turn(ways: list[Iterator[TrialFlight]]) -> Iterator[TrialFlight]:
 _Begin = tuple[Array, dict[int, float]]
 
 
-def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
+def _choices(
+    pilot: Pilot, coasts: list[int], apogee_first: bool
+) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
     """Yield initial steering, with lengths of the free coasts as fractions of a revolution."""
     parking = _ascent_alone(pilot, pilot.apogee_m)
     ascents = [parking] if parking is not None else list(_start_constants(pilot))
     longest = pilot.longest(coasts[0]) / pilot.period
     firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]
+    if apogee_first:
+        firsts.sort(key=lambda part: part != _TO_APOGEE)
     later = len(coasts) - 1
     yield ascents, (firsts[0], *([_TO_APOGEE] * later))
     apogee = _target_apogee(pilot.arrays)
@@ -415,11 +435,12 @@ def _late(pilot: Pilot, lengths: Array, last: float) -> Array:
 def _target_apogee(arrays: MissionArrays) -> float:
     """Return the apogee radius of the target, m; inf: escape, or not named."""
     target = arrays.target[0]
-    mu = float(arrays.environment[0]["mu"])
     if target["kind"] == TARGET_ELEMENTS:
         return float(target["apogee_radius"])
     energy = target_energy(arrays)
-    return -mu / energy if energy < 0.0 else math.inf
+    if energy >= 0.0:
+        return math.inf
+    return -float(arrays.environment[0]["mu"]) / energy - _target_perigee(arrays)
 
 
 def _target_perigee(arrays: MissionArrays) -> float:
@@ -429,7 +450,11 @@ def _target_perigee(arrays: MissionArrays) -> float:
         return float(target["perigee_radius"])
     if target["kind"] == TARGET_KEPLERIAN:
         return float(target["semi_major_axis"] * (1.0 - target["eccentricity"]))
-    return float(target["radius"])
+    mu = float(arrays.environment[0]["mu"])
+    radius, speed = float(target["radius"]), float(target["speed"])
+    momentum = (radius * speed * math.cos(float(target["flight_path_angle"]))) ** 2 / mu
+    energy = target_energy(arrays)
+    return momentum / (1.0 + math.sqrt(max(0.0, 1.0 + 2.0 * energy * momentum / mu)))
 
 
 def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Array) -> Array:

@@ -87,6 +87,7 @@ class Pilot:
         start: shape (1,), dtype NAVIGATION.
         groups: group of each arc.
         count: number of groups.
+        eccentricity: of the orbit at the start.
     """
 
     def __init__(
@@ -126,7 +127,7 @@ class Pilot:
         r, v = start["position"][0], start["velocity"][0]
         h = np.cross(r, v)
         energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
-        e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
+        e = self.eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
         #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
         highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
         self.parking_m = float(arrays.environment[0]["equatorial_radius"])

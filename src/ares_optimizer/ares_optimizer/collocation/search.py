@@ -52,7 +52,6 @@ _SAME_ARC_S = 1.0
 _ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
-_LEAST_IN_AIR = 3
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
@@ -121,6 +120,7 @@ class Search:
         optima: the local optima, the best first.
         starts: number of starts tried.
         iterations: of all starts.
+        ways: number of parking orbits by which its first guesses go.
         idle: true if no thrust direction of the best solution can save propellant.
     """
 
@@ -136,6 +136,7 @@ class Search:
         self.added: tuple[Floor, ...] = ()
         self.optima: list[LocalOptimum] = []
         self.starts = 0
+        self.ways = 1
         self.iterations = 0
         self.idle = False
         self._violations: list[tuple[float, str]] = []
@@ -167,12 +168,13 @@ class Search:
         """Return true if enough starts led to the best solution.
 
         A free coast may have several local optima: all starts are tried, unless the first ones,
-        which cover the lengths, led to a single one. From the pad fewer are tried.
+        which cover the lengths, led to a single one. From the pad fewer are tried, but each way to
+        a parking orbit.
         """
         in_air = flies_in_air(self.arrays.arcs)
         if self.again < (_ENOUGH_IN_AIR if in_air else _ENOUGH):
             return False
-        if in_air and self.starts >= _LEAST_IN_AIR:
+        if in_air and self.starts > self.ways:
             return True
         free = free_arcs(self.arrays, self.start[0])
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
