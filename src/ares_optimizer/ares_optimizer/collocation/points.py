@@ -73,8 +73,15 @@ def mass_of(program: CollocationProgram, point: StoppingPoint) -> float:
     return float(point.x[program.ends[program.saving]] * program.mass)
 
 
-def times_of(program: CollocationProgram, x: Array) -> FreeTimes:
-    """Return the free times at a point of a program."""
+def times_of(program: CollocationProgram, x: Array, apart: float = 0.0) -> FreeTimes:
+    """Return the free times at a point of a program.
+
+    Args:
+        program: the program.
+        x: shape (n,), its variables.
+        apart: time after another event at which a coincident drop is put, s. Apart from it, the
+            drop is an event of its own in another program, with its limit of the heating.
+    """
     begins = float(program.start["time"][0]) + program.time * np.concatenate(
         ([0.0], np.cumsum(x[program.lengths]))
     )
@@ -92,17 +99,19 @@ def times_of(program: CollocationProgram, x: Array) -> FreeTimes:
     for number in range(program.waiting):
         p = program.drop_ends.get(number)
         at = program.trial.drops[number] if p is None else float(begins[p + 1])
-        drops.append(_at_event(at, begins, p))
+        drops.append(_at_event(at, begins, p, apart))
     return FreeTimes(np.array(lengths), cutoff, np.array(drops))
 
 
-def _at_event(at: float, begins: Array, p: int | None) -> float:
-    """Return the time of a drop, snapped to a coincident event."""
+def _at_event(at: float, begins: Array, p: int | None, apart: float) -> float:
+    """Return the time of a drop, snapped to a coincident event or put ``apart`` after it."""
     if p is None:
         return at
     others = np.delete(begins, p + 1)
     nearest = float(others[np.argmin(np.abs(others - at))])
-    return nearest if abs(nearest - at) < SAME_LENGTH else at
+    if abs(nearest - at) >= SAME_LENGTH:
+        return at
+    return min(nearest + apart, max(nearest, float(begins[-1]) - apart))
 
 
 def is_idle(found: FoundOptimum) -> bool:

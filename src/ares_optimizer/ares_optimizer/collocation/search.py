@@ -460,12 +460,15 @@ def _moved_times(
     drops = times.drops.copy()
     lengths = program.time * x[program.lengths]
     burning = program.steering != COASTING
+    stages = program.arrays.arcs["stage"][program.segments["arc"]]
     for number, at in program.drop_ends.items():
+        own = program.arrays.jettisons[program.waiting_for_heating[number]]["stage"]
         # in a coast nothing is gained: on to the burn before or after it
         if at == p and p == phases[0]:
-            before = max((q for q in range(p) if burning[q]), default=p - 1)
-            drops[number] -= move + lengths[before + 1 : p].sum()
-        if at == p - 1 and p == phases[-1]:
+            before = max((q for q in range(p) if burning[q] and stages[q] >= own), default=None)
+            if before is not None:
+                drops[number] -= move + lengths[before + 1 : p].sum()
+        if at == p - 1 and p == phases[-1] and p + 1 < len(lengths):
             after = min((q for q in range(p + 1, len(lengths)) if burning[q]), default=p + 1)
             drops[number] += move + lengths[p + 1 : after].sum()
     if (drops != times.drops).any():
@@ -511,7 +514,7 @@ def refined(
     search: Search, found: FoundOptimum, floors: tuple[Floor, ...], finer: float
 ) -> FoundOptimum | None:
     """Solve on finer intervals from a point; return None on failure."""
-    times = times_of(found.program, found.point.x)
+    times = times_of(found.program, found.point.x, apart=2.0 * SAME_LENGTH)
     try:
         turning = None if search.idle else turning_of(found)
         program = CollocationProgram(

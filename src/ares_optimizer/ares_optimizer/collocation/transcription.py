@@ -479,7 +479,8 @@ class CollocationProgram:
         def add(kind: int, name: str, node: int, level: float, control: int = -1) -> None:
             rules.append((kind, node, rows.add(name, 0.0, INFINITE), 1, 0, control, level))
 
-        waiting = [
+        #: Jettisons that wait for the heating, in the order of the file.
+        self.waiting_for_heating = [
             j
             for j, jettison in enumerate(self.arrays.jettisons)
             if jettison["criterion"] == HEATING_LIMIT
@@ -487,7 +488,7 @@ class CollocationProgram:
         ]
         self.heating_rows: dict[int, int] = {}
         for number, p in self.drop_ends.items():
-            j = waiting[number]
+            j = self.waiting_for_heating[number]
             self.heating_rows[j] = len(rows.lower)
             level = math.log(float(self.arrays.jettisons[j]["value"]))
             node = int(self.first[p + 1])
