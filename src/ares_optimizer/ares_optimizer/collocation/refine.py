@@ -59,7 +59,8 @@ _CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_
 _END_M = 2.0
 _END_M_S = 1e-2
 #: Factors on these in the air, where the direction is interpolated, and where a pressure limit
-#: acts, at whose ends the direction jumps within an interval; the target is judged apart.
+#: acts, at whose ends the direction jumps within an interval. There a coast adds to the distance
+#: what that speed makes of it; the target is judged apart.
 _LOOSER = 10.0
 _LOOSER_LIMITED = 30.0
 #: Angle between thrust and primer beyond which the primer does not steer, rad.
@@ -206,11 +207,14 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     held = Heating.IGNORED if request.heating is Heating.IGNORED else Heating.AT_JETTISON
     checks = constraint_table(planned, search.start[0], flight, held)
     off = flight.final[:6] - adjoint.state[-1]
-    loose = 1.0
+    loose, coasted = 1.0, 0.0
     if program.phases["in_air"].any():
         loose = _LOOSER_LIMITED if acting_limits(found) else _LOOSER
+        coasting = np.flatnonzero(program.steering == COASTING)
+        coasted = program.time * float(point.x[program.lengths[coasting]].sum())
     exact = bool(
-        np.linalg.norm(off[:3]) < loose * _END_M and np.linalg.norm(off[3:]) < loose * _END_M_S
+        np.linalg.norm(off[:3]) < loose * (_END_M + _END_M_S * coasted)
+        and np.linalg.norm(off[3:]) < loose * _END_M_S
     )
     return Proven(found, adjoint, steering, flight, checks, exact)
 

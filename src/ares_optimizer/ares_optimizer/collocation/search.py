@@ -538,7 +538,8 @@ def refined(
         search.iterations += point.iterations
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
             known = FoundOptimum(program, point, mass_of(program, point))
-        # the barrier may lead away from the solution nearby
-        if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - same):
+        # without the multipliers the barrier may lead away from the solution nearby
+        near = LIMITED_MASS if begin is warm else same
+        if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - near):
             break
     return known
