@@ -195,8 +195,8 @@ class Search:
         found = self._solved(trial)
         deep = self._without_floor() if found is None else self._underground(found)
         if deep:
-            # floor of these arcs: _BELOW_START_M below the start, at most the edge of the air
-            level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
+            # floor of these arcs: below the start, at most the edge of the air
+            level = min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays))
             added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
             self.floors += added
             self.added += added
