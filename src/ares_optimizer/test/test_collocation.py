@@ -16,13 +16,14 @@ from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer import auto
 from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.carry import carried_point
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import TrialFlight
-from ares_optimizer.collocation.points import FoundOptimum, times_of
+from ares_optimizer.collocation.points import FoundOptimum, mass_of, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
-from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
@@ -409,8 +410,9 @@ def test_a_burn_that_would_go_through_the_ground_is_no_optimum_till_its_floor_is
 def test_a_start_1_m_above_the_ground_needs_no_floor_in_the_file() -> None:
     mission = load_mission(MISSIONS / "from_the_ground.yaml")
     found = solve(mission, "auto")
-    assert found.status is Status.FEASIBLE, found.reason
-    assert found.reason.startswith("arc 0 would go through the ground and is kept above 0 m")
+    assert found.status is Status.CONVERGED, found.reason
+    # the floor that holds the search is not in the file, and this flight keeps above the ground
+    assert not [c for c in found.constraints if c.name == "lowest altitude in arc 0"]
     arrays = mission.arrays()
     arrays.arcs["min_altitude"] = 0.0
     named = solve(arrays, "auto", state=start_of(mission))
@@ -457,6 +459,28 @@ def test_an_event_that_has_run_into_another_is_moved_beyond_it() -> None:
     assert [times.cutoff - ended for times in moved] == pytest.approx([-1.0, -0.1])
     again = CollocationProgram(arrays, start_of(mission), moved[0])
     assert len(again.arc_phases[3]) == 2
+
+
+def test_a_solution_on_coarse_intervals_is_nearly_one_on_finer_ones() -> None:
+    program, guess = first_program("delta_iii_pad")
+    deadline = Deadline(60.0)
+    point = solve_program(program, guess, deadline)
+    finer = CollocationProgram(program.arrays, program.start, times_of(program, point.x), finer=2.0)
+    begin = carried_point(finer, program, point)
+    assert begin is not None
+    again = solve_program(finer, begin, deadline)
+    assert again.solved
+    assert again.iterations <= 8
+    assert mass_of(finer, again) == pytest.approx(mass_of(program, point), rel=1e-4)
+
+
+def test_multipliers_are_not_carried_over_to_other_phases() -> None:
+    program, guess = first_program("delta_iii_pad")
+    other, _ = first_program("falcon9_leo_pad")
+    point = StoppingPoint(
+        guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False
+    )
+    assert carried_point(other, program, point) is None
 
 
 def test_times_that_make_no_flight_are_refused() -> None:

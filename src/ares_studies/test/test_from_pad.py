@@ -2,6 +2,7 @@
 """Flights from the pad: the plant, the optimum, the programme and the hand-over."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,15 @@ from scipy.integrate import solve_ivp
 from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.laws import find_law, make_law
 from ares_models.atmosphere import us76
+from ares_models.floors import floors_of
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.mission import MissionError, load_mission, parse_mission
+from ares_optimizer.collocation.guess import ascents_to_park
+from ares_optimizer.collocation.pilot import Pilot
+from ares_optimizer.collocation.points import FoundOptimum
+from ares_optimizer.collocation.search import moved_events
+from ares_optimizer.collocation.solver import StoppingPoint
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.proof.physics import air_force, gravity
 from ares_optimizer.solution import Check, UnfitMethod
 from ares_optimizer.solve import solve
@@ -390,6 +398,68 @@ def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
     end = flown(mission, solution, "peg")
     assert end["inserted"]
     assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=5e-3)
+
+
+#: In place of the last burn: a parking orbit, then a circle.
+TWO_BURNS = SMALL.replace(
+    "burn_time_s: free}}",
+    "burn_time_s: free}}\n      - {{coast_s: free}}\n"
+    "      - {{thrust_n: 90000.0, isp_s: 345.0, burn_time_s: free}}",
+)
+
+
+def test_an_ascent_alone_ends_at_the_perigee_of_the_way_to_the_target():
+    mission = parse_mission(TWO_BURNS.format(thrust=800000.0).replace("400000", "820000"), "two")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    alone = next(ascents_to_park(Pilot(arrays, start, floors_of(arrays, start))))
+    mu, low, high = 3.986004418e14, float(alone.target["radius"][0]), 6378137.0 + 820e3
+    assert low == pytest.approx(6378137.0 + 185e3)
+    fast = math.sqrt(2.0 * mu * (1.0 / low - 1.0 / (low + high)))
+    assert float(alone.target["speed"][0]) == pytest.approx(fast)
+
+
+THREE_STAGES = SMALL.replace(
+    "jettisons:",
+    """  - name: third
+    dry_mass_kg: 300.0
+    propellant_kg: 1500.0
+    arcs:
+      - {{coast_s: 5.0}}
+      - {{thrust_n: 20000.0, isp_s: 345.0, burn_time_s: free}}
+jettisons:""",
+).replace("isp_s: 345.0, burn_time_s: free}}", "isp_s: 345.0, burn_time_s: 300.0}}", 1)
+
+
+@pytest.mark.parametrize(("stage", "moved"), [("second", (-6.0, -5.1)), ("third", ())])
+def test_a_drop_at_an_ignition_is_tried_in_the_burn_before_if_that_is_of_its_stage(stage, moved):
+    text = THREE_STAGES.format(thrust=800000.0).replace(
+        "stage: second, time_after_ignition_s: 40.0", f"stage: {stage}, heating_limit_w_m2: 1135.0"
+    )
+    mission = parse_mission(text, "three.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    ignition = 152.9 + 4.0 + 300.0 + 5.0
+    times = FreeTimes(np.zeros(0), ignition + 200.0, np.array([ignition + 5.0]))
+    program = CollocationProgram(arrays, start, times)
+    x = np.zeros(program.size)
+    pieces = program.segments
+    x[program.lengths] = (pieces["end"] - pieces["start"]) / program.time
+    x[program.lengths[program.drop_ends[0]]] = 0.0
+    point = StoppingPoint(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
+    found = list(moved_events(FoundOptimum(program, point, 1.0)))
+    at = [float(times.drops[0]) - ignition for times in found if times.drops[0] < ignition]
+    assert at == pytest.approx(list(moved))
+
+
+@pytest.mark.trial
+def test_a_limit_that_no_flight_keeps_is_told_with_one_that_is_kept():
+    text = SMALL.format(thrust=800000.0).replace("36000.0", "15000.0")
+    found = solve(parse_mission(text, "gentle.yaml"), "auto")
+    assert not found.flyable
+    factor = re.search(r"with limits (\d\.\d\d) times as high there is one", found.reason)
+    assert factor, found.reason
+    text = text.replace("15000.0", f"{15e3 * float(factor[1]) * 1.1:.1f}")
+    text = text.replace("2500.0", f"{2500.0 * float(factor[1]) * 1.1:.1f}")
+    assert solve(parse_mission(text, "gentle.yaml"), "auto", verify=False).m_f_kg > 1900.0
 
 
 def test_a_fairing_is_not_dropped_on_the_pad():

@@ -84,7 +84,9 @@ def carried_point(
     _carry_costates(program, old, point, multipliers)
     _carry_densities(program, old, point, multipliers)
     taken = [_rows_of_points(each) for each in (program, old)]
-    rest = [np.setdiff1d(np.arange(len(each.names)), own) for each, own in zip((program, old), taken)]
+    rest = [
+        np.setdiff1d(np.arange(len(each.names)), own) for each, own in zip((program, old), taken)
+    ]
     if len(rest[0]) != len(rest[1]):
         return None
     multipliers[rest[0]] = point.multipliers[rest[1]]
@@ -154,9 +156,7 @@ def _carry_densities(
         {int(control): 6 * len(each.points) + i for i, control in enumerate(each.controls)}
         for each in (program, old)
     ]
-    shares = [
-        each.points["width"] * weights[each.points["number"] - 1] for each in (program, old)
-    ]
+    shares = [each.points["width"] * weights[each.points["number"] - 1] for each in (program, old)]
     for p in range(len(program.phases)):
         there, here = old.points["phase"] == p, program.points["phase"] == p
         if program.steering[p] == GUIDED:
@@ -171,7 +171,10 @@ def _carry_densities(
                     out[rows[0][int(program.control_of[p][0])]] = point.multipliers[there_row]
     then = node_times(old, point.x[old.lengths] * old.time)
     now = node_times(program)
-    nodes = [dict(zip(each.rules["row"].tolist(), each.rules["node"].tolist())) for each in (program, old)]
+    nodes = [
+        dict(zip(each.rules["row"].tolist(), each.rules["node"].tolist()))
+        for each in (program, old)
+    ]
     lengths = program.segments["end"] - program.segments["start"]
     spans = [
         dict(

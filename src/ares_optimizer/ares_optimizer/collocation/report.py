@@ -111,7 +111,13 @@ def solution_of(
     planned = with_lengths(search.arrays, search.start[0], times.lengths)
     costates = costates_of(program, point, proven.adjoint)
     spread = hamiltonian_spread(proven.found, proven.adjoint)
-    floor_checks = tuple(_floor_check(proven.found, floor) for floor in floors)
+    # a floor that the file does not name is told where it acts
+    floor_checks = tuple(
+        check
+        for floor in floors
+        for check in (_floor_check(proven.found, floor),)
+        if check.active or floor not in search.added
+    )
     checks = (
         *_with_sensitivities(search, proven, proven.checks),
         *floor_checks,
