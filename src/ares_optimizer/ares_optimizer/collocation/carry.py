@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Carry a point of a program, with its multipliers, over to a program with other intervals."""
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_optimizer.collocation.arrays import GUIDED
+from ares_optimizer.collocation.arrays import GUIDED, HELD_ATTITUDE
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
@@ -32,7 +35,7 @@ def carried_variables(program: CollocationProgram, old: CollocationProgram, x: A
         out[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
         out[program.masses[p]] = float(piece["mass"]) / program.mass
         out[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
-    then, now = node_times(old, x[old.lengths] * old.time), node_times(program)
+    then, now = _times(old, x), node_times(program)
     states = _states_at(old, then, x[: 6 * old.nodes].reshape(-1, 6), now)
     states[0] = program.start_state
     out[: 6 * program.nodes] = states.ravel()
@@ -80,29 +83,43 @@ def carried_point(
     """
     if not _has_same_phases(program, old):
         return None
-    multipliers = np.zeros(program.row_lower.size)
-    _carry_costates(program, old, point, multipliers)
-    _carry_densities(program, old, point, multipliers)
-    taken = [_rows_of_points(each) for each in (program, old)]
-    rest = [
-        np.setdiff1d(np.arange(len(each.names)), own) for each, own in zip((program, old), taken)
-    ]
-    if len(rest[0]) != len(rest[1]):
+    here, there = _Layout.of(program, node_times(program)), _Layout.of(old, _times(old, point.x))
+    if len(here.others) != len(there.others):
         return None
-    multipliers[rest[0]] = point.multipliers[rest[1]]
+    multipliers = np.zeros(program.row_lower.size)
+    multipliers[here.others] = point.multipliers[there.others]
+    _carry_costates(program, old, point, multipliers)
+    _carry_directions(here, there, point, multipliers)
+    for key, rows in program.limit_rows.items():
+        known = old.limit_rows[key]
+        density = point.multipliers[known] / there.spans_of(known)
+        times = here.times[here.node_of[rows]]
+        multipliers[rows] = here.spans_of(rows) * np.interp(
+            times, there.times[there.node_of[known]], density
+        )
+    for arc in program.floor_rows:
+        rows, known = _altitude_rows(program, arc), _altitude_rows(old, arc)
+        times = here.times[here.node_of[rows]]
+        for row in known:
+            if rows:
+                nearest = int(np.argmin(np.abs(times - there.times[there.node_of[row]])))
+                multipliers[rows[nearest]] += point.multipliers[row]
+    # lengths and masses are the last variables; no other bound acts at a solution
     count = 3 * len(program.phases)
-    bounds = [np.zeros(program.size), np.zeros(program.size)]
-    for new, known in zip(bounds, (point.at_lower, point.at_upper), strict=True):
-        new[-count:] = known[-count:]
-    return StoppingPoint(
-        carried_variables(program, old, point.x),
-        point.status,
-        multipliers,
-        *bounds,
-        point.violation,
-        point.iterations,
-        point.regularized,
+    lower, upper = np.zeros(program.size), np.zeros(program.size)
+    lower[-count:], upper[-count:] = point.at_lower[-count:], point.at_upper[-count:]
+    return replace(
+        point,
+        x=carried_variables(program, old, point.x),
+        multipliers=multipliers,
+        at_lower=lower,
+        at_upper=upper,
     )
+
+
+def _times(program: CollocationProgram, x: Array) -> Array:
+    """Return the times of the states at a point, s."""
+    return node_times(program, x[program.lengths] * program.time)
 
 
 def _has_same_phases(program: CollocationProgram, old: CollocationProgram) -> bool:
@@ -116,14 +133,57 @@ def _has_same_phases(program: CollocationProgram, old: CollocationProgram) -> bo
     )
 
 
-def _rows_of_points(program: CollocationProgram) -> NDArray[np.int64]:
-    """Return the rows of which there are more with more intervals."""
-    own = list(range(6 * len(program.points) + len(program.controls)))
-    for rows in program.limit_rows.values():
-        own += rows
-    for arc, rows in program.floor_rows.items():
-        own += [row for row in rows if program.names[row] == f"altitude in arc {arc}"]
-    return np.array(own, np.int64)
+def _altitude_rows(program: CollocationProgram, arc: int) -> list[int]:
+    """Return the rows of the floor of an arc at its states."""
+    name = f"altitude in arc {arc}"
+    return [row for row in program.floor_rows[arc] if program.names[row] == name]
+
+
+class _Layout(NamedTuple):
+    """Hold where the rows of a program are that depend on its intervals.
+
+    Attributes:
+        program: the program.
+        times: of its states, s.
+        shares: of each point, of the length of its phase.
+        node_of: state of each row of a single state; -1 elsewhere.
+        spans: time for which each state stands, s.
+        others: the rows that do not depend on the intervals.
+    """
+
+    program: CollocationProgram
+    times: Array
+    shares: Array
+    node_of: NDArray[np.int64]
+    spans: Array
+    others: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, program: CollocationProgram, times: Array) -> "_Layout":
+        """Lay out a program whose states have some times, s."""
+        points, rows = program.points, program.row_lower.size
+        shares = points["width"] * radau(program.degree)[2][-1][points["number"] - 1]
+        node_of = np.full(rows, -1)
+        node_of[program.rules["row"]] = program.rules["node"]
+        lengths = np.maximum(np.diff(times[program.first]), _SHORTEST)
+        spans = np.zeros(program.nodes)
+        spans[points["node"] + points["number"]] = shares * lengths[points["phase"]]
+        own = np.zeros(rows, bool)
+        own[: 6 * len(points) + len(program.controls)] = True
+        for limited in program.limit_rows.values():
+            own[limited] = True
+        for arc in program.floor_rows:
+            own[_altitude_rows(program, arc)] = True
+        return cls(program, times, shares, node_of, spans, np.flatnonzero(~own))
+
+    def spans_of(self, rows: list[int]) -> Array:
+        """Return the times for which the states of some rows stand, s."""
+        return self.spans[self.node_of[rows]]
+
+    def rows_of_directions(self, p: int) -> NDArray[np.int64]:
+        """Return the row of each direction of a phase."""
+        at = np.searchsorted(self.program.controls, self.program.control_of[p])
+        return 6 * len(self.program.points) + at
 
 
 def _carry_costates(
@@ -138,65 +198,24 @@ def _carry_costates(
     motion = out[: 6 * len(program.points)].reshape(-1, 6)
     for p in range(len(program.phases)):
         there, here = old.points["phase"] == p, program.points["phase"] == p
-        known = costates[there]
         begin = -derivative[:, 0] @ blocks[np.flatnonzero(there)[0] // d]
         at = np.concatenate(([0.0], old.points["fraction"][there]))
+        known = np.vstack((begin, costates[there]))
         for c in range(6):
-            values = np.concatenate(([begin[c]], known[:, c]))
-            motion[here, c] = np.interp(program.points["fraction"][here], at, values)
+            motion[here, c] = np.interp(program.points["fraction"][here], at, known[:, c])
     motion *= weights[program.points["number"] - 1][:, None]
 
 
-def _carry_densities(
-    program: CollocationProgram, old: CollocationProgram, point: StoppingPoint, out: Array
-) -> None:
-    """Write the multipliers of directions, pressure limits and floors."""
-    weights = radau(old.degree)[2][-1]
-    rows = [
-        {int(control): 6 * len(each.points) + i for i, control in enumerate(each.controls)}
-        for each in (program, old)
-    ]
-    shares = [each.points["width"] * weights[each.points["number"] - 1] for each in (program, old)]
-    for p in range(len(program.phases)):
-        there, here = old.points["phase"] == p, program.points["phase"] == p
-        if program.steering[p] == GUIDED:
-            known = [rows[1][int(control)] for control in old.points["control"][there]]
-            wanted = [rows[0][int(control)] for control in program.points["control"][here]]
-            density = point.multipliers[known] / shares[1][there]
-            at = program.points["fraction"][here]
-            out[wanted] = shares[0][here] * np.interp(at, old.points["fraction"][there], density)
-        elif program.controls.size:
-            for control, there_row in rows[1].items():
-                if control == int(old.control_of[p][0]):
-                    out[rows[0][int(program.control_of[p][0])]] = point.multipliers[there_row]
-    then = node_times(old, point.x[old.lengths] * old.time)
-    now = node_times(program)
-    nodes = [
-        dict(zip(each.rules["row"].tolist(), each.rules["node"].tolist()))
-        for each in (program, old)
-    ]
-    lengths = program.segments["end"] - program.segments["start"]
-    spans = [
-        dict(
-            zip(
-                (each.points["node"] + each.points["number"]).tolist(),
-                (share * np.maximum(lengths[each.points["phase"]], _SHORTEST)).tolist(),
-            )
+def _carry_directions(here: _Layout, there: _Layout, point: StoppingPoint, out: Array) -> None:
+    """Write the multipliers of the directions."""
+    for p, steering in enumerate(here.program.steering):
+        if steering == HELD_ATTITUDE:
+            out[here.rows_of_directions(p)[0]] = point.multipliers[there.rows_of_directions(p)[0]]
+        if steering != GUIDED:
+            continue
+        wanted, known = (each.program.points["phase"] == p for each in (here, there))
+        density = point.multipliers[there.rows_of_directions(p)] / there.shares[known]
+        at, then = (each.program.points["fraction"] for each in (here, there))
+        out[here.rows_of_directions(p)] = here.shares[wanted] * np.interp(
+            at[wanted], then[known], density
         )
-        for each, share in zip((program, old), shares)
-    ]
-    for key, own in program.limit_rows.items():
-        known = old.limit_rows[key]
-        before = [nodes[1][row] for row in known]
-        after = [nodes[0][row] for row in own]
-        density = point.multipliers[known] / [spans[1][node] for node in before]
-        out[own] = np.interp(now[after], then[before], density) * [spans[0][node] for node in after]
-    for arc, own in program.floor_rows.items():
-        name = f"altitude in arc {arc}"
-        own = [row for row in own if program.names[row] == name]
-        known = [row for row in old.floor_rows[arc] if old.names[row] == name]
-        times = now[[nodes[0][row] for row in own]]
-        for row in known:
-            if own and point.multipliers[row] != 0.0:
-                nearest = int(np.argmin(np.abs(times - then[nodes[1][row]])))
-                out[own[nearest]] += point.multipliers[row]

@@ -44,8 +44,8 @@ NORMAL = 7
 LAW_COLUMNS = 10
 #: Frames of a law: the horizon along the velocity, the velocity, or the horizon in a given plane.
 #: In the last one the pitch falls from the vertical as a power of time; the exponent is its first
-#: pitch angle. A zero-lift turn is along the velocity through the air up to thin air; its angles are
-#: the first tilt off it, which fades, the pitch in thin air at the begin and at the end, and the yaw.
+#: pitch angle. A zero-lift turn is along the velocity through the air up to thin air; its angles
+#: are the first tilt off it, which fades, the pitch in thin air at begin and end, and the yaw.
 FROM_HORIZON = 0.0
 FROM_VELOCITY = 1.0
 FROM_PAD = 2.0

@@ -141,8 +141,8 @@ class Search:
         self.idle = False
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
-        #: Least factor on the pressure limits with which a flight was found where one failed, and if
-        #: more of them were tried.
+        #: Least factor on the pressure limits with which a flight was found where one failed, and
+        #: if more of them were tried.
         self.limits_met = math.inf
         self.narrowed = False
         r = start["position"][0]
