@@ -11,6 +11,7 @@ from ares_models.arrays import (
     JETTISON,
     MAX_ARCS,
     MAX_JETTISONS,
+    MAX_PROGRAMME,
     NAVIGATION,
     STEERING,
     TARGET,
@@ -444,13 +445,16 @@ LEG = np.dtype(
     align=True,
 )
 
-#: Largest number of knots of an attitude programme.
-MAX_PROGRAMME = 256
-
-#: Attitude in the air, planned off line: thrust direction over the speed in the air.
+#: Attitude in the air: by the mission file, and from there on as planned off line, the thrust
+#: direction over the speed in the air.
 PROGRAMME = np.dtype(
     [
-        ("count", np.int64),  # number of knots; 0: no programme
+        ("given_over", np.int64),  # 1: that of the mission file is over
+        # of the last state that it answered
+        ("given_time", np.float64),
+        ("given_sensed", np.float64, (3,)),  # m/s
+        ("hottest", np.float64),  # W/m2, largest heating under it
+        ("count", np.int64),  # number of planned knots; 0: none
         ("active", np.int64),  # 1: it gave the last answer
         ("over", np.int64),  # 1: the law has taken over
         ("cycle", np.int64),  # guidance cycles flown by it

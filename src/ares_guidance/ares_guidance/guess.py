@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import MAX_PROGRAMME, PLAN, PROGRAMME
+from ares_guidance.arrays import PLAN, PROGRAMME
 from ares_guidance.floor import check_floor, held_burns, lifted
 from ares_models.arrays import (
     BURN,
     COAST,
     HEATING_LIMIT,
+    MAX_PROGRAMME,
     MISSION_TIME,
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
@@ -27,6 +28,7 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.kernels.aerodynamics import drag, pressure_loss
+from ares_models.kernels.boost import is_over
 from ares_models.kernels.environment import relative_velocity
 from ares_models.kernels.vectors import norm
 from ares_models.mission_target import leaves_end_free
@@ -138,6 +140,7 @@ class ArcPlan:
         ignitions: start of each burn's thrust, mission elapsed time, s.
         jettison_time_s: mission elapsed time; nan: not known, or no heating jettison.
         first_arc: index of the arc in which the plan begins; earlier arcs are over.
+        resumes: it begins with neither the first arc nor the end of the mission's boost programme.
         by_legs: law `optimal` flies leg by leg too, instead of solving for the whole flight in
             each cycle: the plan satisfies constraints that the on-board problem lacks.
         orbits: orbit at the end of each burn that ends a leg, where known.
@@ -158,6 +161,7 @@ class ArcPlan:
     ignitions: dict[int, float] = field(default_factory=dict)
     jettison_time_s: float = math.nan
     first_arc: int = 0
+    resumes: bool = False
     by_legs: bool = False
     orbits: dict[int, Elements] = field(default_factory=dict)
     held: frozenset[int] = frozenset()
@@ -181,7 +185,7 @@ class ArcPlan:
         mu = float(arrays.environment["mu"][0])
         record = np.zeros(1, PLAN)
         free = leaves_arcs_free(arrays.arcs) or coasts_long(arrays.arcs)
-        needed = needs_plan(arcs, arrays.target[0])
+        needed = needs_plan(arcs, arrays.target[0], arrays.environment[0])
         record["made"] = free or bool(self.held) or not needed
         # a law that asked for it may solve for the whole burn
         record["by_legs"] = self.by_legs and needed
@@ -195,7 +199,7 @@ class ArcPlan:
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
             record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
-        if holds_plane and self.programmes:
+        if holds_plane and (self.programmes or arrays.environment["boost"]["knots"][0]):
             self._aim_at_plane(record[0], arrays)
         for k in np.flatnonzero(np.isinf(arcs["duration"]) | ends):
             if k < self.first_arc:
@@ -372,12 +376,13 @@ class OfflineTrajectory:
         _expect(np.isfinite(self.sample_position), "sample_position", "finite numbers")
         _expect(np.isfinite(self.sample_velocity), "sample_velocity", "finite numbers")
 
-    def check_begin(self, time_s: float, mass_kg: float) -> None:
+    def check_begin(self, time_s: float, mass_kg: float, later: bool = False) -> None:
         """Check that the trajectory begins at the requested state.
 
         Args:
             time_s: of the requested state, mission elapsed time.
             mass_kg: of the requested state.
+            later: it may begin later, where the mission's boost programme ends.
 
         Raises:
             ValueError: it begins at another time or mass, or its cut-off is past.
@@ -385,9 +390,10 @@ class OfflineTrajectory:
         if not len(self.arc_start_time):
             raise ValueError("no arcs")
         begin, mass = float(self.arc_start_time[0]), float(self.arc_start_mass[0])
-        if abs(begin - time_s) > SAME_TIME:
+        later = later and begin > time_s
+        if abs(begin - time_s) > SAME_TIME and not later:
             raise ValueError(f"it begins at {begin:.3f} s; expected {time_s:.3f} s")
-        if abs(mass - mass_kg) > SAME_MASS * mass_kg:
+        if abs(mass - mass_kg) > SAME_MASS * mass_kg and not later:
             raise ValueError(f"it begins with {mass:.1f} kg; expected {mass_kg:.1f} kg")
         if not self.cutoff_time > time_s:
             raise ValueError(
@@ -488,6 +494,7 @@ class OfflineTrajectory:
             ignitions,
             self.jettison_time,
             int(self.flown_arc[0]),
+            self._resumes(arrays),
             self.by_legs,
             orbits,
             frozenset(lifts),
@@ -649,6 +656,20 @@ class OfflineTrajectory:
         ignition = self._sample(float(self.arc_start_time[first]), "the end of a coast")
         mu = float(arrays.environment["mu"][0])
         return lifted(position, velocity, lift, self.sample_position[ignition], mu)
+
+    def _resumes(self, arrays: MissionArrays) -> bool:
+        """Return whether the plan begins later than a plan of the whole mission would."""
+        environment = arrays.environment[0]
+        arc, begin = int(self.flown_arc[0]), float(self.sample_time[0])
+        if environment["boost"]["knots"] == 0:
+            return arc > 0
+        if begin < self.flown_start_time[0] + SAME_TIME:
+            arc -= 1
+        # a second earlier the programme was not over yet
+        gained = self.sample_velocity[1] - self.sample_velocity[0]
+        v = self.sample_velocity[0] - gained / (self.sample_time[1] - begin)
+        r = self.sample_position[0] - v
+        return bool(is_over(begin - 1.0, tuple(r), tuple(v), arc, environment))
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:
         """Check that the flown arcs are the last arcs of a mission.

@@ -304,7 +304,7 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
         arrays: the mission.
         reason: given by the optimizer.
     """
-    if not needs_plan(arrays.arcs, arrays.target[0]):
+    if not needs_plan(arrays.arcs, arrays.target[0], arrays.environment[0]):
         return (
             f"law is {law!r}, which finds no way from the start of the mission to its target "
             f"without a plan, and there is none: {reason}"
@@ -382,8 +382,8 @@ class Law:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight, and a plan that does not begin with the mission's first arc."""
-        if self._arc_plan is not None and self._arc_plan.first_arc > 0:
+        """Forget the flight, and a plan that was made in flight."""
+        if self._arc_plan is not None and self._arc_plan.resumes:
             self._arc_plan = self._programme = None
         self._begin()
 
@@ -445,7 +445,9 @@ class Law:
     @property
     def by_plan(self) -> bool:
         """Return whether the law flies by a plan."""
-        return self.asks or needs_plan(self._arrays.arcs, self._arrays.target[0])
+        return self.asks or needs_plan(
+            self._arrays.arcs, self._arrays.target[0], self._arrays.environment[0]
+        )
 
     @property
     def lacks_plan(self) -> bool:
@@ -466,7 +468,7 @@ class Law:
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:
-        """Fly by a plan; a plan that begins after the first arc holds for this flight only.
+        """Fly by a plan; one that was made in flight holds for this flight only.
 
         Raises:
             ValueError: the plan is not of this mission.

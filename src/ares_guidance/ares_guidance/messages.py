@@ -142,7 +142,8 @@ class Answers:
             ValueError: the answer is not usable, or is a plan through the ground; one line.
         """
         trajectory = _trajectory(answer)
-        trajectory.check_begin(*self._asked)
+        later = bool(self.arrays.environment["boost"]["knots"][0] > 0)
+        trajectory.check_begin(*self._asked, later)
         self.law.start_from(trajectory)
         if not self.law.by_plan:
             return {}

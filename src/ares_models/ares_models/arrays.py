@@ -22,6 +22,8 @@ MAX_DRAG_KNOTS = 32
 #: Largest number of protected areas, and of corners of one.
 MAX_AREAS = 12
 MAX_VERTICES = 24
+#: Largest number of knots of an attitude programme.
+MAX_PROGRAMME = 256
 
 #: Longest flight of any kernel, s: twice the limit of a mission file, so that every loop ends.
 LONGEST_FLIGHT = 1_728_000.0
@@ -71,6 +73,30 @@ AREA = np.dtype(
     align=True,
 )
 
+OVER_TIME = 0
+OVER_ALTITUDE = 1
+OVER_SPEED = 2
+
+#: The boost programme of a mission file: angles of the thrust, straight between knots, constant
+#: beyond both ends.
+BOOST = np.dtype(
+    [
+        ("knots", np.int64),  # 0: there is none
+        ("over", np.int64),  # OVER_*: mission elapsed time s, altitude m, or speed in the air m/s
+        ("at", np.float64, (MAX_PROGRAMME,)),  # two knots at one place are a jump
+        ("pitch", np.float64, (MAX_PROGRAMME,)),  # rad, above the horizon
+        ("azimuth", np.float64, (MAX_PROGRAMME,)),  # rad, from north to east
+        ("fixed", np.int64),  # 1: the horizon is that of the start, and does not turn
+        ("axes", np.float64, (3, 3)),  # its east, north and up, unit vectors
+        # 1: from the last knot on along the velocity in the air, once that is no steeper
+        ("follows", np.int64),
+        ("last_arc", np.int64),  # after which it is over
+        ("end_over", np.int64),  # OVER_*
+        ("end", np.float64),  # where it is over, within an arc; inf: nowhere
+    ],
+    align=True,
+)
+
 ENVIRONMENT = np.dtype(
     [
         ("mu", np.float64),  # m3/s2
@@ -84,6 +110,7 @@ ENVIRONMENT = np.dtype(
         ("zero_longitude", np.float64),  # rad, right ascension of longitude zero at time 0
         ("area_count", np.int64),  # number of protected areas
         ("areas", AREA, (MAX_AREAS,)),
+        ("boost", BOOST),
     ],
     align=True,
 )

@@ -50,6 +50,12 @@ from ares_models.mission_parts import (
     Jettison,
     Stage,
 )
+from ares_models.mission_programme import (
+    ProgrammePart,
+    UntilPart,
+    WhenPart,
+    write_programme,
+)
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_start import InitialState
 from ares_models.mission_target import (
@@ -151,6 +157,11 @@ class Mission(Part):
     stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)] = Field(
         description="in flight order"
     )
+    programme: ProgrammePart | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="attitude from the start on, in place of a planned one",
+    )
     jettisons: tuple[Jettison, ...] = Field(default=(), description="what is dropped on the way")
     target: Target = Field(description="where to: a point of an orbit, or an orbit by its elements")
 
@@ -207,7 +218,8 @@ class Mission(Part):
     @property
     def needs_plan(self) -> bool:
         """Return whether guidance needs a plan of the optimizer; see :mod:`ares_models.plans`."""
-        return needs_plan(self._arc_array(True), target_record(self)[0])
+        environment = self.environment_array()[0]
+        return needs_plan(self._arc_array(True), target_record(self)[0], environment)
 
     @property
     def drops(self) -> tuple[Jettison, ...]:
@@ -381,6 +393,8 @@ class Mission(Part):
         )
         if self.abort is not None:
             write_areas(self, record)
+        if self.programme is not None:
+            write_programme(self, record)
         return record
 
     @property
@@ -623,6 +637,9 @@ _MODELS: dict[str, type[Part]] = {
     "aerodynamics": parts.AerodynamicsPart,
     "stages": parts.Stage,
     "boosters": Booster,
+    "programme": ProgrammePart,
+    "kick": WhenPart,
+    "until": UntilPart,
     "jettisons": parts.Jettison,
     "engine_out": EngineOut,
     "abort": parts.AbortPart,

@@ -18,6 +18,7 @@ from ares_models.mission_physics import (
     check_flight_time,
     check_lift_off,
 )
+from ares_models.mission_programme import check_programme, flown_whole
 from ares_models.mission_start import check_initial_state
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def check_mission(mission: "Mission") -> None:
     check_mass_forms(mission)
     check_body(mission)
     _check_free_arcs(mission)
+    check_programme(mission)
     _check_parking_orbits(mission)
     _check_curves_fit(mission)
     for i, stage in enumerate(mission.stages):
@@ -96,7 +98,8 @@ def _check_free_arcs(mission: "Mission") -> None:
     path = ("stages", len(mission.stages) - 1, *stage.arc_path(k))
     if isinstance(last, CoastArc):
         fail((*path, "coast_s"), last.coast_s, "a burn as the last arc of the last stage")
-    if not any(burn.free for stage in mission.stages for burn in stage.burns):
+    steered = not flown_whole(mission)
+    if steered and not any(burn.free for stage in mission.stages for burn in stage.burns):
         fail((*path, "burn_time_s"), last.burn_time_s, "free, for at least one burn")
 
 

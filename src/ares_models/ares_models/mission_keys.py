@@ -17,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ares_models.arrays import MAX_DRAG_KNOTS, MAX_KNOTS, MAX_VERTICES
+from ares_models.arrays import MAX_DRAG_KNOTS, MAX_KNOTS, MAX_PROGRAMME, MAX_VERTICES
 from ares_models.ranges import Range
 
 
@@ -82,6 +82,7 @@ Delay = Annotated[float, Range(0.0, MAX_FLIGHT_S)]
 KnotTime = Annotated[float, Range(0.0, 3600.0)]
 Acceleration = Annotated[float, Range(1e-3, 1e4)]
 Fraction = Annotated[float, Range(0.0, 1.0)]
+Kick = Annotated[float, Range(0.0, 45.0)]
 FloorAltitude = Annotated[float, Range(-1e6, 1e9)]
 Altitude = Annotated[float, Range(0.0, 1e9)]
 SafeAltitude = Annotated[float, Range(0.0, 1e8)]
@@ -99,11 +100,13 @@ Knot = tuple[KnotTime, Fraction]
 ThrustKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e10)]]
 FlowKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e9)]]
 DragKnot = tuple[Annotated[float, Range(0.0, 1e3)], Annotated[float, Range(0.0, 100.0)]]
+AttitudeKnot = tuple[Annotated[float, Range(-1e6, 1e9)], FlightPathAngle, Turn]
 Vertex = tuple[Latitude, Turn]
 Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
 Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 ThrustTable = Annotated[tuple[ThrustKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 DragTable = Annotated[tuple[DragKnot, ...], Field(min_length=1, max_length=MAX_DRAG_KNOTS)]
+AttitudeTable = Annotated[tuple[AttitudeKnot, ...], Field(min_length=1, max_length=MAX_PROGRAMME)]
 FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, COAST
+from ares_models.arrays import BURN, COAST, MAX_ARCS
 from ares_models.mission_target import leaves_end_free
 
 #: Length of a coast between burns, s, over which a law predicts poorly: it lost up to 18 % of the
@@ -38,7 +38,14 @@ def flies_in_air(arcs: NDArray[np.void]) -> bool:
     return bool(forces.any())
 
 
-def needs_plan(arcs: NDArray[np.void], target: np.void) -> bool:
+def flies_open_loop(environment: np.void) -> bool:
+    """Return whether the boost programme of a mission flies it to its end; record ENVIRONMENT."""
+    boost = environment["boost"]
+    whole = boost["last_arc"] >= MAX_ARCS and np.isinf(boost["end"])
+    return bool(boost["knots"] > 0 and whole)
+
+
+def needs_plan(arcs: NDArray[np.void], target: np.void, environment: np.void) -> bool:
     """Return whether a mission cannot be flown without a plan.
 
     A plan fixes the ends of free arcs before the last, the end of a burn before a long coast, the
@@ -47,7 +54,8 @@ def needs_plan(arcs: NDArray[np.void], target: np.void) -> bool:
     Args:
         arcs: dtype ARC.
         target: record TARGET.
+        environment: record ENVIRONMENT.
     """
-    return (
+    return not flies_open_loop(environment) and (
         leaves_arcs_free(arcs) or coasts_long(arcs) or leaves_end_free(target) or flies_in_air(arcs)
     )

@@ -14,6 +14,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_optimizer.auto import solve_auto
+from ares_optimizer.boost import after_boost
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
@@ -71,7 +72,8 @@ def solve(
         guess: for the direct methods a :class:`Guess` or an earlier solution; for the
             indirect ones a guess of :func:`ares_optimizer.indirect.solve.solve_indirect` or a
             solution of any method with costates. None: the built-in guesses.
-        state: start, shape (1,), dtype NAVIGATION; None: that of the mission.
+        state: start, shape (1,), dtype NAVIGATION; None: that of the mission. A boost programme of
+            the mission is flown first, and what is left is solved for.
         heating: ``at_jettison``: the limit holds at the jettison of the fairing (the thesis);
             ``from_jettison``: from then on; ``ignored``: the fairing is dropped at ignition.
             None: that of the mission; ``at_jettison`` for a mission given as arrays.
@@ -100,6 +102,7 @@ def solve(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"
         )
     arrays, state = arrays_and_state(mission, state)
+    state = after_boost(arrays, state)
     if time_limit_s is not None and not time_limit_s >= 0.0:
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
     if jettison_times:

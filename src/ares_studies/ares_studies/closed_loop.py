@@ -121,7 +121,7 @@ def arc_plan(
     Raises: see :func:`plan_solution`.
     """
     arrays = mission.arrays(foreseen=True)
-    if not (asked or needs_plan(arrays.arcs, arrays.target[0])):
+    if not (asked or needs_plan(arrays.arcs, arrays.target[0], arrays.environment[0])):
         return None
     return offline_trajectory(plan_solution(mission, law, state, time_limit_s)).arc_plan(arrays)
 

@@ -356,7 +356,7 @@ def aims_ahead(state: Record) -> bool:
 
     A coast after a flight from the pad may pass through thin air.
     """
-    return bool(state.programme.count > 0 and state.leg.coasting == 1)
+    return bool(state.programme.cycle > 0 and state.leg.coasting == 1)
 
 
 @kernel

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fly the air by an attitude programme until the forces of the air are small.
 
-The programme is the optimizer's thrust direction over the speed in the air, not over time, so that
+The programme of the mission file, if it has one, is flown as it stands there. The other is the
+optimizer's thrust direction over the speed in the air, not over time, so that
 a thrust that differs from the planned one moves the turn with it, as on the Space Shuttle and SLS.
 The law of the flight takes over at the last knot, or where an arc after it begins.
 """
@@ -11,12 +12,19 @@ import math
 from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.environment import heating_rate, relative_velocity
+from ares_models.kernels.boost import boost_direction, is_over
+from ares_models.kernels.environment import gravity, heating_rate, relative_velocity
 from ares_models.kernels.sequence import awaits_heating
-from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
+from ares_models.kernels.vectors import Vector, add, axpy, load, norm, scale, store, sub, unit
 
 #: Time beyond the plan by which a burn stays in the programme, as a share of the burn.
 LATE_SHARE = 0.1
+#: Time over which the rate of the mission's programme is taken, s, and the rate, 1/s, from which on
+#: it is a jump, which waits for the next navigation state.
+RATE_STEP = 0.01
+JUMP_RATE = 1.0
+#: Share of the largest heating below which its peak is past.
+PAST_PEAK = 0.9
 
 
 @kernel
@@ -104,26 +112,78 @@ def command_ends(mission: MissionRecords, onboard: Onboard) -> None:
 
 @kernel
 def command_jettison(mission: MissionRecords, onboard: Onboard) -> None:
-    """Command a heating jettison that is due by the plan, once the heating is below its limit.
+    """Command a heating jettison that is due, once the heating is below its limit.
+
+    It is due by the plan, or in the programme of the mission file after the peak of the heating.
 
     Args: as in :func:`flies_programme`.
     """
     nav = onboard.navigation
     steering = onboard.steering
+    programme = onboard.state.programme
     steering.jettison = -1
     steering.jettison_time = math.nan
-    if not nav.time >= onboard.state.plan.jettison_time:
-        return
     rate = nav.heating_rate
     if math.isnan(rate):
         position, velocity = load(nav.position), load(nav.velocity)
         rate = heating_rate(position, velocity, mission.environment, mission.atmosphere)
+    due = nav.time >= onboard.state.plan.jettison_time
+    if programme.given_over == 0:
+        programme.hottest = max(programme.hottest, rate)
+        due = rate < PAST_PEAK * programme.hottest
+    if not due:
+        return
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
             begun = mission.arcs[nav.arc].stage >= mission.jettisons[j].stage
             if begun and rate <= mission.jettisons[j].value:
                 steering.jettison = j
                 steering.jettison_time = nav.time
+
+
+@kernel
+def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, Vector]:
+    """Return direction and rate, 1/s, of the thrust by the programme of the mission file.
+
+    The rate is that of the motion under gravity and the acceleration sensed since the last state.
+
+    Args: as in :func:`flies_programme`.
+    """
+    nav = onboard.navigation
+    programme = onboard.state.programme
+    environment = mission.environment
+    r, v = load(nav.position), load(nav.velocity)
+    acceleration = gravity(r, environment)
+    sensed = load(nav.sensed_delta_v)
+    since = nav.time - programme.given_time
+    if programme.cycle > 0 and since > 0.0:
+        gained = sub(sensed, load(programme.given_sensed))
+        acceleration = axpy(1.0 / since, gained, acceleration)
+    programme.given_time = nav.time
+    store(programme.given_sensed, sensed)
+    now = boost_direction(nav.time, r, v, environment)
+    r, v = axpy(RATE_STEP, v, r), axpy(RATE_STEP, acceleration, v)
+    then = boost_direction(nav.time + RATE_STEP, r, v, environment)
+    rate = scale(1.0 / RATE_STEP, sub(then, now))
+    return now, rate if norm(rate) < JUMP_RATE else (0.0, 0.0, 0.0)
+
+
+@kernel
+def planned_attitude(
+    programme: Record, first: int, last: int, nav: Record, speed: float, burns: bool
+) -> tuple[Vector, Vector]:
+    """Return direction and rate, 1/s, of the thrust as planned off line.
+
+    Args: as in :func:`planned_time`.
+    """
+    at = planned_time(programme, first, last, nav, speed, burns)
+    k = first
+    while k + 1 < last and programme.time[k + 1] <= at:
+        k += 1
+    begin, end = load(programme.direction[k]), load(programme.direction[min(k + 1, last)])
+    span = programme.time[min(k + 1, last)] - programme.time[k]
+    rate = scale(1.0 / span, sub(end, begin)) if span > 0.0 else (0.0, 0.0, 0.0)
+    return unit(add(begin, scale(at - programme.time[k], rate))), rate
 
 
 @kernel
@@ -137,25 +197,25 @@ def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
     nav = onboard.navigation
     programme = onboard.state.programme
     programme.active = 0
-    if programme.count == 0 or programme.over == 1:
+    if programme.over == 1:
         return False
-    speed = norm(relative_velocity(load(nav.position), load(nav.velocity), mission.environment))
-    first, last = knots_of(programme, nav.arc)
-    burns = mission.arcs[nav.arc].kind == BURN
-    if hands_over(programme, first, last, nav, speed, burns):
-        programme.over = 1
-        return False
+    r, v = load(nav.position), load(nav.velocity)
+    if programme.given_over == 0 and is_over(nav.time, r, v, nav.arc, mission.environment):
+        programme.given_over = 1
+    if programme.given_over == 0:
+        direction, rate = given_attitude(mission, onboard)
+    else:
+        speed = norm(relative_velocity(r, v, mission.environment))
+        first, last = knots_of(programme, nav.arc)
+        burns = mission.arcs[nav.arc].kind == BURN
+        if programme.count == 0 or hands_over(programme, first, last, nav, speed, burns):
+            programme.over = 1
+            return False
+        direction, rate = planned_attitude(programme, first, last, nav, speed, burns)
     programme.active = 1
-    at = planned_time(programme, first, last, nav, speed, burns)
-    k = first
-    while k + 1 < last and programme.time[k + 1] <= at:
-        k += 1
-    begin, end = load(programme.direction[k]), load(programme.direction[min(k + 1, last)])
-    span = programme.time[min(k + 1, last)] - programme.time[k]
-    rate = scale(1.0 / span, sub(end, begin)) if span > 0.0 else (0.0, 0.0, 0.0)
     steering = onboard.steering
     steering.reference_time = nav.time
-    store(steering.direction, unit(add(begin, scale(at - programme.time[k], rate))))
+    store(steering.direction, direction)
     store(steering.direction_rate, rate)
     steering.cutoff_time = math.nan
     command_ends(mission, onboard)

@@ -78,7 +78,7 @@ def asks_for_plan(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> 
     Raises:
         ValueError: the law cannot fly to this target.
     """
-    return not needs_plan(arrays.arcs, arrays.target[0]) and not finds_way(
+    return not needs_plan(arrays.arcs, arrays.target[0], arrays.environment[0]) and not finds_way(
         name, arrays, start, None
     )
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
+from ares_models.kernels.boost import boost_direction, is_over
 from ares_models.kernels.environment import altitude, gravity, log_heating_gradient
 from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, load, norm, scale, unit
 from ares_optimizer.kernels.timetable import (
@@ -22,7 +23,7 @@ from ares_optimizer.kernels.timetable import (
 Array = NDArray[np.float64]
 
 #: Columns of a track: time s, position m, velocity m/s, thrust direction, log heating, altitude m,
-#: arc.
+#: arc, mass kg.
 TIME = 0
 POSITION = 1
 VELOCITY = 4
@@ -30,7 +31,8 @@ DIRECTION = 7
 LOG_HEATING = 10
 ALTITUDE = 11
 ARC = 12
-TRACK_COLUMNS = 13
+MASS = 13
+TRACK_COLUMNS = 14
 #: Columns of a steering law: its frame, time of its first angles, s, time from these to its last
 #: ones, s, these pitch and yaw angles, rad, and the normal of the plane of FROM_PAD and TURN.
 FRAME = 0
@@ -43,13 +45,15 @@ YAW_END = 6
 NORMAL = 7
 LAW_COLUMNS = 10
 #: Frames of a law: the horizon along the velocity, the velocity, or the horizon in a given plane.
-#: In the last one the pitch falls from the vertical as a power of time; the exponent is its first
+#: From the pad the pitch falls from the vertical as a power of time; the exponent is its first
 #: pitch angle. A zero-lift turn is along the velocity through the air up to thin air; its angles
 #: are the first tilt off it, which fades, the pitch in thin air at begin and end, and the yaw.
+#: By programme: as the mission's boost programme has it.
 FROM_HORIZON = 0.0
 FROM_VELOCITY = 1.0
 FROM_PAD = 2.0
 TURN = 3.0
+BY_PROGRAMME = 4.0
 #: Altitude of thin air, m, and time in which a tilt fades, s.
 THIN_AIR_M = 4e4
 _TILT_S = 10.0
@@ -61,6 +65,8 @@ _LEAST_POWER = 0.05
 @kernel
 def thrust_direction(law: Array, t: float, r: Vector, v: Vector, environment: Record) -> Vector:
     """Return the thrust direction of a steering law."""
+    if law[FRAME] == BY_PROGRAMME:
+        return boost_direction(t, r, v, environment)
     part = (t - law[REFERENCE]) / law[SPAN]
     pitch = law[PITCH] + (law[PITCH_END] - law[PITCH]) * part
     yaw = law[YAW] + (law[YAW_END] - law[YAW]) * part
@@ -141,7 +147,8 @@ def fly_track(
         track: shape (n, TRACK_COLUMNS), written.
 
     Returns:
-        rows of the track; 0 if the times are not possible or the track is too short.
+        rows of the track, to the end of the programme in a law by that; 0 if the times are not
+        possible or the track is too short.
     """
     count = fill_timetable(start, mission.arcs, mission.jettisons, times, segments, layout[0])
     r, v = load(start.position), load(start.velocity)
@@ -170,7 +177,10 @@ def fly_track(
             track[rows, LOG_HEATING] = heating
             track[rows, ALTITUDE] = altitude(r, environment)
             track[rows, ARC] = segment.arc
+            track[rows, MASS] = segment_mass(segment, t)
             rows += 1
+            if law[FRAME] == BY_PROGRAMME and is_over(t, r, v, segment.arc, environment):
+                return rows
             if k == steps:
                 break
             a1 = acceleration(segment, law, mission, t, r, v)

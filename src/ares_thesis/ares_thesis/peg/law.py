@@ -132,7 +132,7 @@ class ThesisPeg(Law):
             ValueError: the trajectory has none.
         """
         self._plan = JettisonPlan.from_trajectory(trajectory)
-        if needs_plan(self._arrays.arcs, self._arrays.target[0]):
+        if needs_plan(self._arrays.arcs, self._arrays.target[0], self._arrays.environment[0]):
             self.follow_arcs(trajectory.arc_plan(self._arrays))
         else:
             self.reset()
