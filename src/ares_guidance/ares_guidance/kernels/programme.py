@@ -15,7 +15,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.boost import boost_direction, is_over
 from ares_models.kernels.environment import gravity, heating_rate, relative_velocity
 from ares_models.kernels.sequence import awaits_heating
-from ares_models.kernels.vectors import Vector, add, axpy, load, norm, scale, store, sub, unit
+from ares_models.kernels.vectors import Vector, add, axpy, dot, load, norm, scale, store, sub, unit
 
 #: Time beyond the plan by which a burn stays in the programme, as a share of the burn.
 LATE_SHARE = 0.1
@@ -145,7 +145,7 @@ def command_jettison(mission: MissionRecords, onboard: Onboard) -> None:
 def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, Vector]:
     """Return direction and rate, 1/s, of the thrust by the programme of the mission file.
 
-    The rate is that of the motion under gravity and the acceleration sensed since the last state.
+    The rate is that of the motion under gravity and what was sensed since the last state.
 
     Args: as in :func:`flies_programme`.
     """
@@ -153,15 +153,16 @@ def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, V
     programme = onboard.state.programme
     environment = mission.environment
     r, v = load(nav.position), load(nav.velocity)
+    now = boost_direction(nav.time, r, v, environment)
     acceleration = gravity(r, environment)
     sensed = load(nav.sensed_delta_v)
     since = nav.time - programme.given_time
     if programme.cycle > 0 and since > 0.0:
-        gained = sub(sensed, load(programme.given_sensed))
-        acceleration = axpy(1.0 / since, gained, acceleration)
+        # along the present direction: that of the last state is behind
+        gained = dot(sub(sensed, load(programme.given_sensed)), now)
+        acceleration = axpy(gained / since, now, acceleration)
     programme.given_time = nav.time
     store(programme.given_sensed, sensed)
-    now = boost_direction(nav.time, r, v, environment)
     r, v = axpy(RATE_STEP, v, r), axpy(RATE_STEP, acceleration, v)
     then = boost_direction(nav.time + RATE_STEP, r, v, environment)
     rate = scale(1.0 / RATE_STEP, sub(then, now))

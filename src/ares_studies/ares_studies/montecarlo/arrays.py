@@ -19,7 +19,7 @@ RESULT = np.dtype(
         # flown minus target, at the end, and what it comes to
         *JUDGED,
         ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT
-        ("converged", np.int64),  # 1: guidance had a solution
+        ("converged", np.int64),  # 1: guidance had a solution, or flew a programme to the end
         ("iterations", np.int64),
         ("navigation_refused", np.int64),  # states that guidance took for faults
         ("violations", np.int64),  # answers that its monitors held back

@@ -32,7 +32,8 @@ def judge(loop: Loop, result: Record) -> None:
     result.jettison_heating = math.nan
     result.jettison_limit = math.nan
     result.ended = CUTOFF if plant.inserted == 1 else DEPLETION
-    result.converged = 0 if math.isnan(loop.onboard.steering.cutoff_time) else 1
+    answered = loop.onboard.state.programme.active == 1
+    result.converged = 0 if math.isnan(loop.onboard.steering.cutoff_time) and not answered else 1
     result.iterations = loop.onboard.state.total_iterations
     result.struck = plant.failure.struck
     result.found = loop.onboard.state.found.first_kind

@@ -20,7 +20,7 @@ from ares_vehicle_sim.dispersions import Dispersions
 
 #: Additional files, so that every key is used somewhere.
 _OWN = {
-    MISSION: ("elements", "arcs", "solids", "pad"),
+    MISSION: ("elements", "arcs", "solids", "pad", "programme"),
     DISPERSIONS: ("dispersions", "covariance"),
 }
 #: Other targets for one of them.
@@ -101,6 +101,30 @@ _STARTS: Mapping[str, Mapping[str, object]] = {
         "earth_fixed_velocity_m_s": [1480.021, -24.597, 202.55],
     },
 }
+#: Other boost programmes for the mission that has one.
+_PROGRAMMES: Mapping[str, Mapping[str, object]] = {
+    "over_time": {
+        "over": "time_s",
+        "table": [[0.0, 90.0, 60.5], [10.0, 90.0, 60.5], [60.0, 62.0, 60.5], [150.0, 30.0, 62.0]],
+        "horizon": "launch",
+        "beyond": "constant",
+        "until": {"time_s": 150.0},
+    },
+    "over_altitude": {
+        "over": "altitude_m",
+        "table": [[0.0, 90.0, 60.5], [400.0, 90.0, 60.5], [400.0, 86.0, 60.5]],
+        "horizon": "local",
+        "beyond": "velocity",
+        "until": {"altitude_m": 60000.0},
+    },
+    "to_a_speed": {
+        "kick": {"altitude_m": 400.0},
+        "kick_deg": 4.0,
+        "azimuth_deg": 60.5,
+        "until": {"speed_m_s": 1500.0},
+    },
+    "to_the_end": {"kick": {"time_s": 10.0}, "kick_deg": 4.0, "azimuth_deg": 60.5},
+}
 #: Sampling interval: one input in SAMPLE is flown or solved.
 SAMPLE = 20
 _MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
@@ -117,6 +141,9 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
     if kind == MISSION:
         for key, others in (("target", _TARGETS), ("initial_state", _STARTS)):
             found |= {name: found["ares_v"] | {key: dict(of)} for name, of in others.items()}
+        for name, programme in _PROGRAMMES.items():
+            found[name] = deepcopy(found["programme"]) | {"programme": deepcopy(dict(programme))}
+        found["to_the_end"]["stages"][1]["arcs"][1]["burn_time_s"] = 320.0
         parked = deepcopy(found["vulcan_gto"])
         parked["stages"][0]["arcs"][2] |= _PARKING
         found["parked"] = parked

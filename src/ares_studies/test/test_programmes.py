@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flights by a boost programme of the mission's own: open loop, and up to the hand-over."""
+
+import math
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from ares_guidance.arrays import PHASE_BOOST
+from ares_models.judge import judge
+from ares_models.kernels.boost import boost_direction, horizon
+from ares_models.kernels.environment import altitude, relative_velocity
+from ares_models.mission import parse_mission
+from ares_models.tolerances import FLOWN
+from ares_optimizer.boost import after_boost
+from ares_optimizer.solution import OptimizerError, UnfitMethod
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
+from ares_vehicle_sim.arrays import JETTISON_DONE, STAGING
+from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.simulator import Simulator
+
+pytestmark = pytest.mark.long
+
+TEXT = resources.files("ares_trials").joinpath("sweep", "programme.yaml").read_text()
+TURN = TEXT[TEXT.index("programme:\n  kick") : TEXT.index("\ntarget:")]
+
+#: Example of a gravity turn in Curtis, Orbital Mechanics for Engineering Students (Example 11.3,
+#: 13.3 from the fourth edition on): mass ratio 7, 1.4 g, Isp 390 s, Cd 0.5, pitchover at 130 m.
+CURTIS = """
+name: gravity_turn
+title: textbook example of a gravity turn
+source: Curtis, Orbital Mechanics for Engineering Students, Example 13.3
+environment:
+  mu_m3_s2: {mu}
+  g0_m_s2: 9.81
+  altitude: spherical
+  earth:
+    equatorial_radius_m: 6378000.0
+    polar_radius_m: 6378000.0
+    rotation_rate_rad_s: 0.0
+    zero_longitude_deg: 0.0
+  atmosphere: {{model: exponential, surface_density_kg_m3: 1.225, scale_height_m: 7500.0}}
+aerodynamics: {{reference_area_m2: 19.634876, drag_table: [[0.0, 0.5]]}}
+initial_state:
+  time_s: 8.020042
+  geodetic_latitude_deg: 0.0
+  longitude_deg: 0.0
+  altitude_m: 130.0
+  ground_speed_m_s: 32.835320
+  elevation_deg: 89.85
+  ground_azimuth_deg: 90.0
+stages:
+  - {{name: only, ignition_mass_kg: 66042.368, thrust_n: 933913.14, isp_s: 390.0, burn_time_s: {burn}}}
+programme: {{over: time_s, table: [[0.0, 90.0, 90.0]], beyond: velocity}}
+target: {{perigee_altitude_m: 200000.0, inclination_deg: 0.0}}
+""".format(mu=9.81 * 6378000.0**2, burn=238.775510 - 8.020042)
+
+#: First stage of SS-520-4, an example of OpenTsiolkovsky (istellartech, 0.52), as its files have it.
+SS520 = """
+name: ss520_first_stage
+title: example of another simulator
+source: OpenTsiolkovsky, examples/SS-520-4
+environment:
+  mu_m3_s2: 3.986004418e14
+  j2: 1.0826267e-3
+  earth:
+    equatorial_radius_m: 6378137.0
+    polar_radius_m: 6356752.3142
+    rotation_rate_rad_s: 7.292115e-5
+    zero_longitude_deg: 0.0
+  atmosphere: {model: us76}
+aerodynamics:
+  reference_area_m2: 0.21237
+  drag_table: [[0, 0.28], [0.4, 0.28], [0.6, 0.29], [0.8, 0.35], [1, 0.64], [1.2, 0.67],
+    [1.4, 0.69], [1.6, 0.66], [1.8, 0.62], [2, 0.58], [2.5, 0.55], [3, 0.48], [3.5, 0.42],
+    [4, 0.38], [4.5, 0.355], [5, 0.33]]
+initial_state:
+  time_s: 0.0
+  geodetic_latitude_deg: 31.251808
+  longitude_deg: 131.078999
+  altitude_m: 267.0
+stages:
+  - name: first
+    ignition_mass_kg: 2200.0
+    thrust_table: [[0.0, 160000.0], [10.0, 100000.0], [30.0, 50000.0], [31.7, 20000.0]]
+    isp_s: 190.0
+    exit_area_m2: 0.1964
+programme: {over: time_s, table: [[0.0, 82.0, 99.0], [31.7, 77.0, 99.0]]}
+target: {perigee_altitude_m: 200000.0, inclination_deg: 60.0}
+"""
+
+
+def mission(programme=TURN, **edits):
+    text = TEXT.replace(TURN, programme)
+    for old, new in edits.values():
+        assert old in text
+        text = text.replace(old, new)
+    return parse_mission(text, "x.yaml")
+
+
+def over_ground(plant, environment):
+    """Return altitude m, speed over ground m/s and its elevation deg."""
+    r, v = tuple(plant["position"]), tuple(plant["velocity"])
+    w = np.array(relative_velocity(r, v, environment))
+    speed = float(np.linalg.norm(w))
+    up = np.array(horizon(r, environment)[2])
+    return altitude(r, environment), speed, math.degrees(math.asin(w @ up / speed))
+
+
+def test_a_gravity_turn_ends_as_the_textbook_integrates_it():
+    made = parse_mission(CURTIS, "curtis.yaml")
+    plant = fly_stepwise(made).plant
+    height, speed, elevation = over_ground(plant, made.arrays().environment[0])
+    # its equations in polar coordinates, integrated to 1e-12
+    assert speed == pytest.approx(5736.558, rel=1e-4)
+    assert height == pytest.approx(110_384.3, rel=1e-3)
+    assert elevation == pytest.approx(9.1652, abs=0.01)
+    x, y, _ = plant["position"]
+    assert 6378000.0 * math.atan2(y, x) == pytest.approx(318_332.6, rel=1e-3)
+    assert plant["mass"] == pytest.approx(68_000.083 / 7.0, rel=1e-5)
+
+
+def test_a_table_of_another_simulator_ends_as_that_one_does():
+    made = parse_mission(SS520, "ss520.yaml")
+    plant = fly_stepwise(made).plant
+    height, speed, elevation = over_ground(plant, made.arrays().environment[0])
+    assert plant["time"] == pytest.approx(31.7)
+    # its run without the constant normal force of 0.2 q S
+    assert height == pytest.approx(22_292.2, rel=1e-3)
+    assert speed == pytest.approx(1_390.60, rel=1e-3)
+    # its drag is along the body, which is up to 2 deg off the velocity
+    assert elevation == pytest.approx(77.37, abs=0.1)
+    assert plant["mass"] == pytest.approx(665.33, abs=0.1)
+
+
+@pytest.fixture(scope="module")
+def optimum():
+    return solve(mission(), "auto")
+
+
+def test_the_optimum_is_that_of_what_the_programme_leaves(optimum):
+    assert optimum.converged
+    start = after_boost(mission().arrays(), mission().start().navigation())
+    assert optimum.flown[0].arc == 1
+    assert optimum.trajectory.time_s[0] == pytest.approx(152.9)
+    assert start["mass"][0] == pytest.approx(optimum.trajectory.mass[0])
+    free = solve(mission(""), "auto")
+    assert free.converged
+    assert optimum.m_f_kg < free.m_f_kg
+
+
+@pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
+def test_a_law_takes_over_where_the_programme_ends(optimum, law):
+    made = mission()
+    ready = ready_law(made, law)
+    flown = fly_stepwise(made, law=ready)
+    planned = after_boost(made.arrays(), made.start().navigation())
+    staged = next(event for event in flown.events if event["type"] == STAGING)
+    assert staged["time"] == pytest.approx(float(planned["time"][0]), abs=1e-6)
+    assert np.linalg.norm(staged["position"] - planned["position"][0]) < 20.0
+    assert np.linalg.norm(staged["velocity"] - planned["velocity"][0]) < 0.3
+    plant = flown.plant
+    end = judge(plant["position"], plant["velocity"], made, FLOWN)
+    assert end.reached
+    assert plant["mass"] > optimum.m_f_kg * 0.995
+    assert flown.guidance["programme"]["cycle"] == pytest.approx(153, abs=1)
+
+
+def test_a_law_that_flies_again_keeps_its_plan():
+    made = mission()
+    law = ready_law(made)
+    first = fly_stepwise(made, law=law).plant
+    law.reset()
+    again = fly_stepwise(made, law=law).plant
+    assert again["mass"] == first["mass"]
+
+
+def test_what_is_left_may_begin_in_thick_air():
+    made = mission(ends=("until: {end_of: first}", "until: {time_s: 20.0}"))
+    found = solve(made, "auto")
+    assert found.converged
+    law = ready_law(made, guess=found)
+    simulator = Simulator(made)
+    boosting = []
+    while not simulator.complete:
+        law.step(simulator.navigation)
+        boosting += [float(simulator.navigation["time"])] * (law.phase == PHASE_BOOST)
+        simulator.command(law.steering)
+        simulator.advance()
+    # from there by the planned programme, until the air is thin
+    assert max(boosting) > 100.0
+    assert simulator.plant["mass"] == pytest.approx(found.m_f_kg, rel=5e-3)
+
+
+WHOLE = """programme:
+  over: {over}
+  table: {table}
+"""
+
+
+def flown_whole(programme, length=300.0):
+    fixed = ("burn_time_s: free", f"burn_time_s: {length}")
+    return mission(programme, fixed=fixed)
+
+
+def test_a_mission_is_flown_whole_without_a_law():
+    made = flown_whole(TURN.replace("  until: {end_of: first}\n", ""))
+    law = ready_law(made)
+    simulator = Simulator(made)
+    environment = made.arrays().environment[0]
+    while not simulator.complete:
+        assert law.step(simulator.navigation) in (True, False)
+        assert law.phase == PHASE_BOOST
+        nav = simulator.navigation
+        wanted = boost_direction(
+            float(nav["time"]), tuple(nav["position"]), tuple(nav["velocity"]), environment
+        )
+        assert law.steering["direction"][0] == pytest.approx(wanted)
+        simulator.command(law.steering)
+        simulator.advance()
+    assert simulator.ended_well
+    assert simulator.plant["time"] == pytest.approx(152.9 + 4.0 + 300.0)
+    compiled = fly_compiled(made, law=ready_law(made, "igm")).plant
+    assert compiled["position"] == pytest.approx(simulator.plant["position"], abs=1e-3)
+
+
+def test_nothing_is_left_to_optimize_where_the_programme_flies_all():
+    with pytest.raises(UnfitMethod, match="it flies the whole mission, and nothing is left"):
+        solve(flown_whole(TURN.replace("  until: {end_of: first}\n", "")), "auto")
+
+
+def test_a_programme_that_never_ends_is_refused():
+    made = mission(ends=("until: {end_of: first}", "until: {altitude_m: 1e7}"))
+    with pytest.raises(OptimizerError, match=r"programme\.until is not met"):
+        solve(made, "auto")
+
+
+@pytest.mark.parametrize(
+    ("over", "moves"), [("time_s", False), ("speed_m_s", True), ("altitude_m", True)]
+)
+def test_a_weak_engine_is_late_on_a_table_over_speed_and_not_on_one_over_time(over, moves):
+    last = {"time_s": 100.0, "speed_m_s": 900.0, "altitude_m": 30_000.0}[over]
+    table = f"[[0, 90, 60], [{0.1 * last}, 90, 60], [{last}, 45, 60]]"
+    made = flown_whole(WHOLE.format(over=over, table=table))
+    pitches = []
+    for thrust in (0.0, -0.05):
+        simulator = Simulator(made, dispersions=Dispersions(thrust=thrust))
+        law = ready_law(made)
+        while simulator.navigation["time"] < 60.0:
+            law.step(simulator.navigation)
+            simulator.command(law.steering)
+            simulator.advance()
+        up = np.array(horizon(tuple(simulator.plant["position"]), made.arrays().environment[0])[2])
+        pitches.append(math.degrees(math.asin(law.steering["direction"][0] @ up)))
+    assert (pitches[1] > pitches[0] + 0.5) == moves
+    assert moves or pitches[1] == pytest.approx(pitches[0], abs=0.01)
+
+
+def test_a_fairing_drops_after_the_peak_of_the_heating_in_the_programme():
+    fairing = (
+        "\nprogramme:",
+        "\njettisons:\n  - {name: fairing, mass_kg: 100.0, stage: first, heating_limit_w_m2: 2e5}\n"
+        "\nprogramme:",
+    )
+    made = mission(fairing=fairing)
+    drops = []
+    for flown in (fly_stepwise(made), fly_stepwise(made, law="igm")):
+        events = [event for event in flown.events if event["type"] == JETTISON_DONE]
+        assert len(events) == 1
+        assert events[0]["heating_rate"] < 2e5
+        drops.append(float(events[0]["time"]))
+    assert 60.0 < drops[0] < 152.9
+    assert drops[1] == drops[0]
+    start = after_boost(made.arrays(), made.start().navigation())
+    assert start["jettisoned"][0] == 1
