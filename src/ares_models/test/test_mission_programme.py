@@ -86,14 +86,18 @@ BROKEN = {
     "an end with no arc": (
         "end_of: first",
         "end_of: boost",
-        "programme.until.end_of is 'boost'; expected the name of a stage, a burn or a coast: "
-        "first, second",
+        (
+            "programme.until.end_of is 'boost'; expected the name of a stage, a burn or a coast: "
+            "first, second"
+        ),
     ),
     "an end with the last arc": (
         "end_of: first",
         "end_of: second",
-        "programme.until.end_of is 'second'; expected an arc before the last; without until it "
-        "flies all of them",
+        (
+            "programme.until.end_of is 'second'; expected an arc before the last; without until "
+            "it flies all of them"
+        ),
     ),
     "an end of no kind": (
         "until: {end_of: first}",
@@ -103,8 +107,10 @@ BROKEN = {
     "no end, and a free burn": (
         "  until: {end_of: first}\n",
         "",
-        "stages[1].arcs[1].burn_time_s is 'free'; expected a time in s, because programme has no "
-        "until",
+        (
+            "stages[1].arcs[1].burn_time_s is 'free'; expected a time in s, because programme has "
+            "no until"
+        ),
     ),
 }
 

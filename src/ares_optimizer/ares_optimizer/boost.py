@@ -16,8 +16,8 @@ from ares_optimizer.solution import OptimizerError, UnfitMethod
 
 Array = NDArray[np.float64]
 
-_STEP_S = 0.1
-_MOST_ROWS = 100_000
+_STEP_S = 0.025
+_MOST_ROWS = 200_000
 #: Longest free coast that is flown for a programme, s.
 _LONGEST_COAST_S = 1e4
 #: Share of the largest heating below which its peak is past, as guidance has it.

@@ -19,10 +19,12 @@ from ares_models.kernels.vectors import Vector, add, axpy, dot, load, norm, scal
 
 #: Time beyond the plan by which a burn stays in the programme, as a share of the burn.
 LATE_SHARE = 0.1
-#: Time over which the rate of the mission's programme is taken, s, and the rate, 1/s, from which on
-#: it is a jump, which waits for the next navigation state.
+#: Time over which the rate of the mission's programme is taken, s.
 RATE_STEP = 0.01
-JUMP_RATE = 1.0
+#: Difference of the thrust direction at the next navigation state from that by the present rate
+#: from which on the programme jumps before, and instants of which the mean is then taken.
+JUMP = 1e-3
+JUMP_SAMPLES = 32
 #: Share of the largest heating below which its peak is past.
 PAST_PEAK = 0.9
 
@@ -142,31 +144,58 @@ def command_jettison(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
+def direction_after(
+    span: float, t: float, state: tuple[Vector, Vector], acceleration: Vector, environment: Record
+) -> Vector:
+    """Return the thrust direction of the mission's programme after a steady acceleration.
+
+    Args:
+        span: s from now.
+        t: now, s.
+        state: position, m, and velocity, m/s, now.
+        acceleration: m/s2.
+        environment: record ENVIRONMENT.
+    """
+    r, v = state
+    moved = axpy(span, axpy(0.5 * span, acceleration, v), r)
+    return boost_direction(t + span, moved, axpy(span, acceleration, v), environment)
+
+
+@kernel
 def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, Vector]:
     """Return direction and rate, 1/s, of the thrust by the programme of the mission file.
 
-    The rate is that of the motion under gravity and what was sensed since the last state.
+    The rate is that of the motion under gravity and what was sensed since the last state. Where the
+    programme jumps before the next state, the mean direction until then is held.
 
     Args: as in :func:`flies_programme`.
     """
     nav = onboard.navigation
     programme = onboard.state.programme
     environment = mission.environment
-    r, v = load(nav.position), load(nav.velocity)
-    now = boost_direction(nav.time, r, v, environment)
+    t, r, v = nav.time, load(nav.position), load(nav.velocity)
+    now = boost_direction(t, r, v, environment)
     acceleration = gravity(r, environment)
     sensed = load(nav.sensed_delta_v)
-    since = nav.time - programme.given_time
-    if programme.cycle > 0 and since > 0.0:
+    since = t - programme.given_time
+    if programme.cycle == 0 or since <= 0.0:
+        since = 0.0
+    else:
         # along the present direction: that of the last state is behind
         gained = dot(sub(sensed, load(programme.given_sensed)), now)
         acceleration = axpy(gained / since, now, acceleration)
-    programme.given_time = nav.time
+    programme.given_time = t
     store(programme.given_sensed, sensed)
-    r, v = axpy(RATE_STEP, v, r), axpy(RATE_STEP, acceleration, v)
-    then = boost_direction(nav.time + RATE_STEP, r, v, environment)
+    then = direction_after(RATE_STEP, t, (r, v), acceleration, environment)
     rate = scale(1.0 / RATE_STEP, sub(then, now))
-    return now, rate if norm(rate) < JUMP_RATE else (0.0, 0.0, 0.0)
+    ahead = direction_after(since, t, (r, v), acceleration, environment)
+    if norm(sub(ahead, axpy(since, rate, now))) < JUMP:
+        return now, rate
+    mean = (0.0, 0.0, 0.0)
+    for k in range(JUMP_SAMPLES):
+        part = (k + 0.5) / JUMP_SAMPLES * since
+        mean = add(mean, direction_after(part, t, (r, v), acceleration, environment))
+    return unit(mean), (0.0, 0.0, 0.0)
 
 
 @kernel
