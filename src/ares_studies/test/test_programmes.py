@@ -11,12 +11,12 @@ from ares_guidance.arrays import PHASE_BOOST
 from ares_models.judge import End, judge
 from ares_models.kernels.boost import boost_direction, horizon
 from ares_models.kernels.environment import altitude, relative_velocity
-from ares_models.mission import parse_mission
+from ares_models.mission import load_mission, parse_mission
 from ares_optimizer.boost import after_boost
 from ares_optimizer.solution import OptimizerError, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
-from ares_vehicle_sim.arrays import JETTISON_DONE, STAGING
+from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import Simulator
 
@@ -138,6 +138,43 @@ def test_a_table_of_another_simulator_ends_as_that_one_does():
     assert plant["mass"] == pytest.approx(665.33, abs=0.1)
 
 
+#: Flown by AS-506 (MPR-SAT-FE-69-9, SP-4029): time s, altitude m, inertial speed m/s, flight-path
+#: angle deg at centre engine cut-off, outboard engine cut-off and separation.
+AS506 = [
+    (135.20, 44_005.0, 1979.0, 22.96),
+    (161.63, 66_118.0, 2764.1, 19.11),
+    (162.30, 66_710.0, 2773.9, 19.02),
+]
+
+
+def test_apollo_11_climbs_by_its_tilt_programme_as_it_flew():
+    made = load_mission("saturn_v_as506_flown")
+    law = ready_law(made, "igm")
+    simulator = Simulator(made)
+    greatest, states = (0.0, 0.0), []
+    while not simulator.complete:
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+        truth, now = simulator.truth(), float(simulator.plant["time"])
+        if now < 163.0:
+            greatest = max(greatest, (float(truth["dynamic_pressure"]), now))
+            speed = float(np.linalg.norm(simulator.plant["velocity"]))
+            angle = math.degrees(truth["flight_path_angle"])
+            states.append((now, float(truth["altitude"]), speed, angle))
+    times, heights, speeds, angles = np.array(states).T
+    for time, height, speed, angle in AS506:
+        assert np.interp(time, times, heights) == pytest.approx(height, rel=0.01)
+        assert np.interp(time, times, speeds) == pytest.approx(speed, rel=0.01)
+        assert np.interp(time, times, angles) == pytest.approx(angle, abs=0.2)
+    # flown: 35.2 kPa at 83.0 s
+    assert greatest[0] == pytest.approx(35_200.0, rel=0.01)
+    assert greatest[1] == pytest.approx(83.0, abs=3.0)
+    # flown: 699.34 s
+    cut = next(float(e["time"]) for e in simulator.new_events() if e["type"] == CUTOFF)
+    assert cut == pytest.approx(699.34, rel=0.01)
+
+
 @pytest.fixture(scope="module")
 def optimum():
     return solve(mission(), "auto")
@@ -163,7 +200,7 @@ def test_a_law_takes_over_where_the_programme_ends(optimum, law):
     staged = next(event for event in flown.events if event["type"] == STAGING)
     assert staged["time"] == pytest.approx(float(planned["time"][0]), abs=1e-6)
     assert np.linalg.norm(staged["position"] - planned["position"][0]) < 50.0
-    assert np.linalg.norm(staged["velocity"] - planned["velocity"][0]) < 0.5
+    assert np.linalg.norm(staged["velocity"] - planned["velocity"][0]) < 1.0
     plant = flown.plant
     arrays = made.arrays()
     environment = arrays.environment[0]
@@ -233,8 +270,9 @@ def test_a_mission_is_flown_whole_without_a_law():
             off.append(float(nav["time"]))
         simulator.command(law.steering)
         simulator.advance()
-    # the kick is shared out over the step that it is in
-    assert len(off) == 1
+    # the kick is shared out over the step that it is in, and so is its end
+    assert len(off) == 2
+    assert off[1] < 30.0
     assert simulator.ended_well
     assert simulator.plant["time"] == pytest.approx(152.9 + 4.0 + 300.0)
     compiled = fly_compiled(made, law=ready_law(made, "igm")).plant
@@ -274,11 +312,8 @@ def test_a_weak_engine_is_late_on_a_table_over_speed_and_not_on_one_over_time(ov
 
 
 def test_a_fairing_drops_after_the_peak_of_the_heating_in_the_programme():
-    fairing = (
-        "\nprogramme:",
-        "\njettisons: [{name: nose, mass_kg: 9, stage: first, heating_limit_w_m2: 1e6}]\nprogramme:",
-    )
-    made = mission(fairing=fairing)
+    nose = "{name: nose, mass_kg: 99.0, stage: first, heating_limit_w_m2: 1e6}"
+    made = mission(fairing=("\nprogramme:", f"\njettisons: [{nose}]\nprogramme:"))
     drops = []
     for flown in (fly_stepwise(made), fly_stepwise(made, law="igm")):
         events = [event for event in flown.events if event["type"] == JETTISON_DONE]
