@@ -49,6 +49,7 @@ def test_shipped_missions():
         "geostationary_burn",
         "geostationary_transfer",
         "saturn_v_as506",
+        "saturn_v_as506_flown",
         "saturn_v_as506_pad",
         "saturn_v_tli",
         "soyuz_fregat",

@@ -14,7 +14,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_optimizer.auto import solve_auto
-from ares_optimizer.boost import after_boost
+from ares_optimizer.collocation.boost import after_boost
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned

@@ -12,7 +12,7 @@ from ares_models.judge import End, judge
 from ares_models.kernels.boost import boost_direction, horizon
 from ares_models.kernels.environment import altitude, relative_velocity
 from ares_models.mission import load_mission, parse_mission
-from ares_optimizer.boost import after_boost
+from ares_optimizer.collocation.boost import after_boost
 from ares_optimizer.solution import OptimizerError, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law

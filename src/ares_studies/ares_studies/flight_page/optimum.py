@@ -242,8 +242,9 @@ def _cut(
     """Divide an arc at its jettisons; each interval has both its ends."""
     costates = solution.costates
     assert costates is not None
-    inside = [t for t in solution.jettison_times_s if flown.start_s < t < flown.end_s]
-    bounds = [flown.start_s, *sorted(inside), flown.end_s]
+    first = max(flown.start_s, float(track.time_s[0]))
+    inside = [t for t in solution.jettison_times_s if first < t < flown.end_s]
+    bounds = [first, *sorted(inside), flown.end_s]
     pieces = []
     for begin, end in pairwise(bounds):
         rows, own = _between(costates.time_s, begin, end), _between(track.time_s, begin, end)
@@ -299,7 +300,9 @@ def _mass_costate(piece: _Stretch, arc: Record, end: float, costs: float) -> Arr
     throttled = acceleration > float(arc["max_acceleration"]) * (1.0 - _AT_LIMIT)
     fixed = piece.pushed / piece.mass**2
     if not np.any(throttled):
-        rise = CubicSpline(piece.time, fixed).antiderivative()(piece.time)
+        # a knot of a thrust curve stands twice
+        once = np.diff(piece.time, prepend=-math.inf) > 0.0
+        rise = CubicSpline(piece.time[once], fixed[once]).antiderivative()(piece.time)
         return np.asarray(end + rise - rise[-1])
     mus = np.full(len(piece.time), end)
     for i in range(len(mus) - 2, -1, -1):

@@ -38,6 +38,8 @@ NO_LISTS: tuple[object, ...] = ([], None, 1.0, "x", {}, [None])
 NO_MAPPINGS: tuple[object, ...] = ({}, [], None, 1.0, "x")
 #: A subnormal number, which has lost most of its digits.
 TINY = 1e-320
+#: More items than any list has room for.
+TOO_MANY = 300
 #: Factors of a slip of the pen on a valid number.
 SLIPS = (0.1, 1.1, 10.0)
 TEXTS = ("", "x" * 81, "two\nlines", "bell\a", "\ud800", "1", "~", 1.0, True, None, ["x"])
@@ -260,7 +262,7 @@ def _list(arguments: tuple[Any, ...], value: Any, path: Path) -> Iterator[_Chang
         made = [sample(arguments[0])] * 2 if many else [sample(item) for item in arguments]
         yield path, made, None
     yield from ((path, wrong, None) for wrong in NO_LISTS)
-    yield path, [sample(arguments[0])] * 100, False
+    yield path, [sample(arguments[0])] * TOO_MANY, False
     for k, item in enumerate(items):
         yield from _changes(arguments[0] if many else arguments[k], item, (*path, k))
         yield path, [*items[:k], *items[k + 1 :]], None
