@@ -2,12 +2,14 @@
 """`ares fly` on the real mission with the real nodes: the flights, in both layouts."""
 
 import json
+import math
 import os
 import pty
 import signal
 import subprocess
 import sys
 import time
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,10 @@ from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bringup.held import shared_memory
 from ares_bringup.recorded import read_flight
+from ares_models.mission import parse_mission
+from ares_models.orbits import Insertion
 from ares_msgs.msg import GuidanceStatus
+from ares_studies.closed_loop import fly_compiled
 from ares_trials.testing.bags import recorded_so_far
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.held import orphans
@@ -206,6 +211,23 @@ def test_a_flight_that_misses_is_exit_1(ares, tmp_path):
     assert flight["outcome"] in ("impact", "depletion", "target_missed")
     assert flight["shortcomings"]
     assert flight["bag"] is None
+
+
+def test_a_programme_flies_a_mission_whole_to_its_target(ares, tmp_path):
+    text = resources.files("ares_trials").joinpath("sweep", "programme.yaml").read_text()
+    text = text.replace("  until: {end_of: first}\n", "").replace("_s: free", "_s: 300.0")
+    plant = fly_compiled(parse_mission(text, "whole.yaml")).plant
+    end = Insertion.from_state(plant["position"], plant["velocity"])
+    angles = (math.degrees(end.flight_path_angle), math.degrees(end.inclination))
+    keys = ("radius_m", "speed_m_s", "flight_path_angle_deg", "inclination_deg")
+    there = dict(zip(keys, (end.radius, end.speed, *angles), strict=True))
+    path = tmp_path / "whole.yaml"
+    path.write_text(text[: text.index("target:")] + yaml.safe_dump({"target": there}))
+    done = ares("fly", "--mission", str(path), "--json", "--no-record", "--in-process")
+    assert done.returncode == 0, done.stderr
+    flight = json.loads(done.stdout)
+    assert flight["outcome"] == "target"
+    assert flight["shortcomings"] == []
 
 
 REFUSED = [

@@ -168,6 +168,10 @@ def check_programme(mission: "Mission") -> None:
                     path = ("stages", i, *stage.arc_path(k, key))
                     fail(path, "free", "a time in s, because programme has no until")
         return
+    begin = mission.initial_state.time_s
+    if until.time_s is not None and until.time_s <= begin:
+        expected = f"a time after initial_state.time_s, {begin:g} s"
+        fail(("programme", "until", "time_s"), until.time_s, expected)
     if until.end_of is not None:
         last = last_arc_of(mission, until.end_of)
         if last is None:

@@ -99,6 +99,11 @@ BROKEN = {
             "it flies all of them"
         ),
     ),
+    "an end before the start": (
+        "until: {end_of: first}",
+        "until: {time_s: 0.0}",
+        "programme.until.time_s is 0.0; expected a time after initial_state.time_s, 0 s",
+    ),
     "an end of no kind": (
         "until: {end_of: first}",
         "until: {}",
