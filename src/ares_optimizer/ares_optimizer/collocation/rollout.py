@@ -47,8 +47,6 @@ LAW_COLUMNS = 10
 #: Frames of a law: the horizon along the velocity, the velocity, or the horizon in a given plane.
 #: From the pad the pitch falls from the vertical as a power of time; the exponent is its first
 #: pitch angle. A zero-lift turn is along the velocity through the air up to thin air; its angles
-#: From the pad the pitch falls from the vertical as a power of time; the exponent is its first
-#: pitch angle. A zero-lift turn is along the velocity through the air up to thin air; its angles
 #: are the first tilt off it, which fades, the pitch in thin air at begin and end, and the yaw.
 #: By programme: as the mission's boost programme has it.
 FROM_HORIZON = 0.0
