@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 _TOLERANCE = 1e-3
 #: Least radius, a share of the ground's, down to which the gradient of gravity is bounded.
 _DEEPEST = 0.9
+#: Depth at which a flight is below the ground, m: a start on it is not, whatever the rounding.
+_CLEARLY_M = 1.0
 #: Points of the coast on its way down.
 _POINTS = 400
 
@@ -75,7 +77,8 @@ def out_of_reach(arrays: MissionArrays, start: NDArray[np.void]) -> str:
     growth = math.sqrt(2.0 * mu / low**3)
     disturbed = thrust + 3.0 * mu * oblate * equator**2 / ground**4
     away = disturbed * (np.cosh(growth * times) - 1.0) / growth**2
-    proven = (heights + away < ground) & (heights - away > low) & (thrust * times < needed)
+    below = heights + away < ground - _CLEARLY_M
+    proven = below & (heights - away > low) & (thrust * times < needed)
     if not proven.any():
         return ""
     at = int(np.argmax(proven))

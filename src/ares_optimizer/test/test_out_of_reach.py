@@ -103,3 +103,18 @@ def test_too_little_propellant_is_told_before_a_search_if_it_is_far_too_little()
 def test_an_upper_stage_in_orbit_is_weak_and_not_out_of_reach() -> None:
     arrays, start = arrays_of("geostationary_burn")
     assert out_of_reach(weakened(arrays, 1e-2), start) == ""
+
+
+def test_a_pad_at_sea_level_of_a_sphere_is_not_below_the_ground() -> None:
+    # rounding puts a share of them 1e-9 m below it
+    mission = load_mission("delta_iii_pad")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    radius = float(arrays.environment["equatorial_radius"][0])
+    arrays.environment["polar_radius"] = radius
+    for latitude in np.radians(np.linspace(-65.0, 65.0, 200)):
+        up = np.array([math.cos(latitude), 0.0, math.sin(latitude)])
+        start["position"] = radius * up
+        start["velocity"] = np.cross(
+            [0.0, 0.0, float(arrays.environment["rotation_rate"][0])], radius * up
+        )
+        assert out_of_reach(arrays, start) == ""
