@@ -19,6 +19,9 @@ MAX_JETTISONS = 8
 MAX_KNOTS = 64
 #: Largest number of knots of a drag table.
 MAX_DRAG_KNOTS = 32
+#: Largest number of knots of a wind table, and room for two of them with their ends.
+MAX_WIND_KNOTS = 32
+WIND_ROOM = 2 * (MAX_WIND_KNOTS + 1)
 #: Largest number of protected areas, and of corners of one.
 MAX_AREAS = 12
 MAX_VERTICES = 24
@@ -97,6 +100,21 @@ BOOST = np.dtype(
     align=True,
 )
 
+#: Wind over the ground by altitude: east and north components, m/s.
+WIND = np.dtype(
+    [
+        ("knots", np.int64),  # of the table, constant below and zero above it; 0: none
+        ("altitude", np.float64, (WIND_ROOM,)),  # m
+        # east, north: c0..c3 of the cubic in the altitude above each knot
+        ("cubic", np.float64, (2, WIND_ROOM, 4)),
+        # 1 - cosine gust: from 0 to its greatest and back over its length
+        ("gust", np.float64, (2,)),  # m/s, east and north at its middle
+        ("gust_altitude", np.float64),  # m, of its middle
+        ("gust_length", np.float64),  # m of altitude; 0: none
+    ],
+    align=True,
+)
+
 ENVIRONMENT = np.dtype(
     [
         ("mu", np.float64),  # m3/s2
@@ -108,6 +126,7 @@ ENVIRONMENT = np.dtype(
         ("density_factor", np.float64),  # multiplies the tabulated density
         ("altitude_model", np.int64),  # ALTITUDE_*
         ("zero_longitude", np.float64),  # rad, right ascension of longitude zero at time 0
+        ("wind", WIND),
         ("area_count", np.int64),  # number of protected areas
         ("areas", AREA, (MAX_AREAS,)),
         ("boost", BOOST),

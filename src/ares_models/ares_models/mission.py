@@ -69,6 +69,7 @@ from ares_models.mission_target import (
 from ares_models.plans import needs_plan
 from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
 from ares_models.splines import hermite_table, monotone_slopes
+from ares_models.wind import wind_profile
 
 __all__ = [
     "MISSION",
@@ -391,6 +392,8 @@ class Mission(Part):
         record["altitude_model"] = (
             layout.ALTITUDE_ELLIPSOID if part.altitude == "ellipsoid" else layout.ALTITUDE_SPHERICAL
         )
+        if part.atmosphere.wind_table is not None:
+            wind_profile(part.atmosphere.wind_table).write(record["wind"][0])
         if self.abort is not None:
             write_areas(self, record)
         if self.programme is not None:

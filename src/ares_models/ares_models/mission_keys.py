@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Define the keys of a mission: ranges of numbers, texts and times, and the base of all parts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, NoReturn
 
@@ -17,7 +17,13 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ares_models.arrays import MAX_DRAG_KNOTS, MAX_KNOTS, MAX_PROGRAMME, MAX_VERTICES
+from ares_models.arrays import (
+    MAX_DRAG_KNOTS,
+    MAX_KNOTS,
+    MAX_PROGRAMME,
+    MAX_VERTICES,
+    MAX_WIND_KNOTS,
+)
 from ares_models.ranges import Range
 
 
@@ -34,6 +40,24 @@ def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
     )
 
 
+def check_rising(key: str, knots: Sequence[Sequence[float]], step: float, what: str) -> None:
+    """Check that the first numbers of a table's knots rise by a step at least.
+
+    Args:
+        key: of the table.
+        knots: of the table.
+        step: least difference.
+        what: the first number is.
+
+    Raises:
+        PydanticCustomError: they do not.
+    """
+    for k in range(1, len(knots)):
+        least = knots[k - 1][0] + step
+        if not knots[k][0] >= least:
+            fail((key, k, 0), knots[k][0], f"{what} of at least {least:g}")
+
+
 def _printable(text: str) -> str:
     if not text.isprintable():
         fail((), text, "text on one line, of characters that can be printed")
@@ -47,6 +71,8 @@ def _printable(text: str) -> str:
 MAX_FLIGHT_S = 864_000.0
 #: Shortest burn, coast or step of a thrust curve, s.
 MIN_TIME_S = 1e-3
+#: Greatest altitude of a knot of a wind table, m.
+MAX_WIND_ALTITUDE_M = 6e4
 #: Indices of NRLMSIS: solar flux, 1e-22 W/m2/Hz, and daily geomagnetic index.
 SOLAR_FLUX = Range(30.0, 500.0)
 GEOMAGNETIC_INDEX = Range(0.0, 400.0)
@@ -105,6 +131,13 @@ Vertex = tuple[Latitude, Turn]
 Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
 Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 ThrustTable = Annotated[tuple[ThrustKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+#: Altitude, and components of the wind to the east and to the north.
+WindAltitude = Annotated[float, Range(-1e3, MAX_WIND_ALTITUDE_M)]
+WindSpeed = Annotated[float, Range(-200.0, 200.0)]
+WindTable = Annotated[
+    tuple[tuple[WindAltitude, WindSpeed, WindSpeed], ...],
+    Field(min_length=1, max_length=MAX_WIND_KNOTS),
+]
 DragTable = Annotated[tuple[DragKnot, ...], Field(min_length=1, max_length=MAX_DRAG_KNOTS)]
 AttitudeTable = Annotated[tuple[AttitudeKnot, ...], Field(min_length=1, max_length=MAX_PROGRAMME)]
 FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]

@@ -49,6 +49,8 @@ from ares_models.mission_keys import (
     ThrustTable,
     Turn,
     Vertices,
+    WindTable,
+    check_rising,
     fail,
     not_there,
     one_of,
@@ -78,6 +80,8 @@ class EarthPart(Part):
         return self
 
 
+#: Least difference of the altitudes of two knots of a wind table, m.
+MIN_WIND_STEP_M = 1.0
 #: Keys that one model needs and the others exclude.
 _OWN_KEYS = {
     "nrlmsis": ("f107", "f107a", "ap", "latitude_deg", "longitude_deg"),
@@ -110,6 +114,12 @@ class AtmospherePart(Part):
         exclude_if=not_there,
         description="climb over which density falls by e, for exponential",
     )
+    wind_table: WindTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="knots [metres of altitude, metres per second to the east, to the north]; "
+        "monotone between them, constant below the first, fading to none over 20 km above the last",
+    )
 
     @model_validator(mode="after")
     def _own_keys(self) -> "AtmospherePart":
@@ -122,6 +132,10 @@ class AtmospherePart(Part):
                     fail((key,), value, f"no such key, because model is {self.model}")
         if self.model == "none" and "density_factor" in self.model_fields_set:
             fail(("density_factor",), self.density_factor, "no such key, because model is none")
+        if self.wind_table is not None:
+            if self.model == "none":
+                fail(("wind_table",), "a table", "no such key, because model is none")
+            check_rising("wind_table", self.wind_table, MIN_WIND_STEP_M, "an altitude")
         return self
 
 
@@ -157,12 +171,7 @@ class AerodynamicsPart(Part):
 
     @model_validator(mode="after")
     def _rising(self) -> "AerodynamicsPart":
-        for k in range(1, len(self.drag_table)):
-            before, now = self.drag_table[k - 1][0], self.drag_table[k][0]
-            if not now >= before + MIN_MACH_STEP:
-                knot = list(self.drag_table[k])
-                expected = f"a Mach number of at least {before + MIN_MACH_STEP:g}"
-                fail(("drag_table", k), knot, expected)
+        check_rising("drag_table", self.drag_table, MIN_MACH_STEP, "a Mach number")
         return self
 
 

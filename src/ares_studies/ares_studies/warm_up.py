@@ -15,7 +15,7 @@ from ares_guidance.law import PEG, Law
 from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
-from ares_models.kernels.environment import density, relative_velocity
+from ares_models.kernels.environment import air_velocity, density, relative_velocity
 from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
 from ares_models.registry import registered
@@ -81,6 +81,7 @@ def compile_pages() -> None:
     pressure_loss(arrays.arcs[0], place, *surroundings)
     density(place, *surroundings)
     air_at(0.0, *surroundings)
+    air_velocity(place, velocity, surroundings[0])
     relative_velocity(place, velocity, surroundings[0])
 
 

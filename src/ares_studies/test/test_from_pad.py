@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flights from the pad: the plant, the optimum, the programme and the hand-over."""
 
+import json
 import math
 import re
 from dataclasses import replace
@@ -8,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.laws import find_law, make_law
@@ -21,7 +23,7 @@ from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import moved_events
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
-from ares_optimizer.proof.physics import air_force, gravity
+from ares_optimizer.proof.physics import air_force, gravity, surface_radius
 from ares_optimizer.solution import Check, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import arc_plan, fly_stepwise, offline_trajectory
@@ -84,8 +86,16 @@ target: {{perigee_altitude_m: 400000.0, apogee_altitude_m: 400000.0, inclination
 """
 
 
-def small(thrust=800000.0):
-    return parse_mission(SMALL.format(thrust=thrust), "small.yaml")
+#: A jet stream over the pad, as JSON, which is YAML.
+WIND = (
+    ", wind_table: [[0.0, 3.0, -2.0], [5.0e3, 18.0, 4.0], [9.0e3, 32.0, 6.0], [12.0e3, 45.0, 5.0], "
+    "[15.0e3, 28.0, 0.0], [20.0e3, 8.0, 0.0], [30.0e3, 10.0, 0.0]]"
+)
+
+
+def small(thrust=800000.0, wind=""):
+    text = SMALL.format(thrust=thrust).replace("{model: us76}", f"{{model: us76{wind}}}")
+    return parse_mission(text, "small.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +107,12 @@ def delta():
 @pytest.fixture(scope="module")
 def limited():
     mission = small()
+    return mission, solve(mission, "auto")
+
+
+@pytest.fixture(scope="module")
+def windy():
+    mission = small(wind=WIND)
     return mission, solve(mission, "auto")
 
 
@@ -194,8 +210,9 @@ def test_guidance_flies_the_programme_first_and_hands_over_above_the_air(limited
     assert max(q for _, q in phases[handed_over:]) < 500.0 < 20000.0 < max(q for _, q in phases)
 
 
-def test_the_plant_flies_as_an_independent_integrator_does():
-    mission = small()
+@pytest.mark.parametrize("wind", ["", WIND])
+def test_the_plant_flies_as_an_independent_integrator_does(wind):
+    mission = small(wind=wind)
     arrays = mission.arrays()
     simulator = Simulator(mission)
     direction = np.array([0.6, -0.55, 0.2]) + simulator.plant["position"] / 6.4e6
@@ -223,6 +240,96 @@ def test_the_plant_flies_as_an_independent_integrator_does():
     assert np.linalg.norm(simulator.plant["position"] - start[:3]) < 1.0
     assert np.linalg.norm(simulator.plant["velocity"] - start[3:6]) < 0.01
     assert simulator.plant["mass"] == pytest.approx(start[6], abs=1e-6)
+
+
+def test_the_plant_flies_through_the_wind_as_its_own_equations_do():
+    """The wind here is SciPy's interpolation, and nothing of the project's air speed is used."""
+    mission = small(wind=WIND)
+    arrays = mission.arrays()
+    knots = np.array(json.loads(WIND.partition(":")[2]))
+    components = [
+        CubicHermiteSpline(
+            knots[:, 0],
+            knots[:, k],
+            PchipInterpolator(knots[:, 0], knots[:, k]).derivative()(knots[:, 0])
+            * (knots[:, 0] > 0.0),
+        )
+        for k in (1, 2)
+    ]
+    calm = small().arrays()
+    simulator = Simulator(mission)
+    begin = np.concatenate((simulator.plant["position"], simulator.plant["velocity"]))
+    mass = float(simulator.plant["mass"])
+    arc = arrays.arcs[0]
+    start = float(simulator.truth()["relative_speed"])
+    assert start == pytest.approx(math.hypot(3.0, 2.0), rel=1e-3)
+
+    def motion(t, y):
+        r, v = y[:3], y[3:]
+        normal = r * [1.0, 1.0, (6378137.0 / 6356752.3) ** 2]
+        normal /= np.linalg.norm(normal)
+        east = np.cross([0.0, 0.0, 1.0], normal)
+        east /= np.linalg.norm(east)
+        height = np.linalg.norm(r) - surface_radius(r, arrays.environment[0])
+        wind = components[0](height) * east + components[1](height) * np.cross(normal, east)
+        u = normal if t < 8.0 else direction
+        left = mass - t * float(arc["mass_flow"])
+        # without wind, at the velocity less the wind
+        force = air_force(r, v - wind, float(arc["thrust"]), u, arc, calm)
+        return np.concatenate((v, gravity(r, arrays.environment[0]) + force / left))
+
+    direction = np.array([0.6, -0.55, 0.2]) + begin[:3] / 6.4e6
+    direction /= np.linalg.norm(direction)
+    steering = make_law("peg", mission.arrays(foreseen=True)).steering.copy()
+    steering["direction"] = direction
+    while simulator.plant["time"] < 70.0 - 1e-6:
+        simulator.command(steering)
+        simulator.advance()
+    for span in ((0.0, 8.0), (8.0, 70.0)):
+        begin = solve_ivp(motion, span, begin, rtol=1e-10, atol=1e-8).y[:, -1]
+    assert np.linalg.norm(simulator.plant["position"] - begin[:3]) < 1.0
+    assert np.linalg.norm(simulator.plant["velocity"] - begin[3:]) < 0.01
+    state = simulator.truth()
+    assert 12e3 < state["altitude"] < 22e3
+    still = fly_calmly(steering)
+    assert np.linalg.norm(still["velocity"] - simulator.plant["velocity"]) > 0.5
+
+
+def fly_calmly(steering):
+    """Fly the launcher without wind for 70 s."""
+    simulator = Simulator(small())
+    while simulator.plant["time"] < 70.0 - 1e-6:
+        simulator.command(steering)
+        simulator.advance()
+    return simulator.plant
+
+
+@pytest.mark.parametrize("law", ["peg", "optimal"])
+def test_a_flight_in_the_wind_is_planned_with_it_and_arrives(windy, law):
+    mission, solution = windy
+    assert solution.converged, solution.reason
+    end = flown(mission, solution, law)
+    assert end["inserted"]
+    assert 1.0 - float(end["mass"]) / solution.m_f_kg < 1e-4
+
+
+def test_a_tail_wind_is_worth_mass_and_its_limits_are_kept(limited, windy):
+    _, calm = limited
+    mission, solution = windy
+    assert 5.0 < solution.m_f_kg - calm.m_f_kg < 50.0
+    planned = make_flight(record_optimum("optimum", mission, solution)).air
+    assert planned.max_q_pa == pytest.approx(36000.0, rel=2e-3)
+    assert 2000.0 < planned.max_q_alpha_pa_rad < 2507.5
+    simulator, steering = Simulator(mission), ready(mission, solution)
+    most = np.zeros(2)
+    while simulator.plant["time"] < 150.0:
+        steering.step(simulator.navigation)
+        simulator.command(steering.steering)
+        simulator.advance()
+        state = simulator.truth()
+        q = float(state["dynamic_pressure"])
+        most = np.maximum(most, [q, q * math.sin(state["angle_of_attack"])])
+    assert most == pytest.approx([planned.max_q_pa, planned.max_q_alpha_pa_rad], rel=0.01)
 
 
 def test_state_shows_what_the_air_does(limited):

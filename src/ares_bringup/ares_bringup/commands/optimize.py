@@ -16,7 +16,8 @@ from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart, refusal
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
-from ares_models.kernels.environment import altitude
+from ares_models.kernels.environment import air_velocity, altitude
+from ares_models.kernels.vectors import norm
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
 from ares_models.mission_warnings import FAR_ABOVE
@@ -220,9 +221,15 @@ def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
     arrays = mission.arrays()
     if track is None or not flies_in_air(arrays.arcs):
         return {}
-    turning = np.array([0.0, 0.0, mission.earth().rotation_rate])
-    speeds = np.linalg.norm(track.velocity - np.cross(turning, track.position), axis=1)
-    heights = [altitude(tuple(r), arrays.environment[0]) for r in track.position]
+    environment = arrays.environment[0]
+    places = [tuple(r) for r in track.position.tolist()]
+    heights = [altitude(r, environment) for r in places]
+    speeds = np.array(
+        [
+            norm(air_velocity(r, tuple(v), environment))
+            for r, v in zip(places, track.velocity.tolist(), strict=True)
+        ]
+    )
     air, factor = mission.atmosphere(), mission.environment.atmosphere.density_factor
     densities = np.array([factor * air.density(height) for height in heights])
     pressures = 0.5 * densities * speeds**2

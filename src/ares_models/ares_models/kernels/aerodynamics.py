@@ -2,7 +2,7 @@
 """Compute the forces of the air: drag along the air speed, ambient pressure on the nozzles.
 
 ``arc`` is a record of dtype ``arrays.ARC``; ``environment`` and ``atmosphere`` are as in
-``kernels/environment.py``. The air turns with the body.
+``kernels/environment.py``. The air turns with the body, and may have a wind.
 """
 
 import math
@@ -11,16 +11,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import ALTITUDE_SPHERICAL, Record
+from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
     AT_REST,
+    air_velocity,
     altitude,
     cubic_above,
-    relative_velocity,
+    is_calm,
     row_below,
+    table_at,
+    vertical_stretch,
+    wind_at,
 )
-from ares_models.kernels.vectors import Vector, axpy, dot, scale, unit
+from ares_models.kernels.vectors import Vector, add, axpy, dot, scale, sub, unit
 
 #: Ratio of specific heats of air.
 GAMMA = 1.4
@@ -83,27 +87,7 @@ def air_at(h: float, environment: Record, atmosphere: NDArray[np.float64]) -> Ai
 @kernel
 def drag_coefficient(arc: Record, mach: float) -> tuple[float, float]:
     """Return the drag coefficient of an arc and its derivative by the Mach number."""
-    last = arc.drag_knots - 1
-    if mach <= arc.drag_mach[0]:
-        return arc.drag_cubic[0, 0], 0.0
-    if mach >= arc.drag_mach[last]:
-        return arc.drag_cubic[last, 0], 0.0
-    k = 0
-    while k < last - 1 and mach >= arc.drag_mach[k + 1]:
-        k += 1
-    x = mach - arc.drag_mach[k]
-    c1, c2, c3 = arc.drag_cubic[k, 1], arc.drag_cubic[k, 2], arc.drag_cubic[k, 3]
-    value: float = arc.drag_cubic[k, 0] + x * (c1 + x * (c2 + x * c3))
-    return value, c1 + x * (2.0 * c2 + x * 3.0 * c3)
-
-
-@kernel
-def vertical_stretch(environment: Record) -> float:
-    """Return the factor on z by which a position becomes a normal to the ellipsoid; 1: sphere."""
-    if environment.altitude_model == ALTITUDE_SPHERICAL:
-        return 1.0
-    ratio = environment.equatorial_radius / environment.polar_radius
-    return float(ratio * ratio)
+    return table_at(mach, arc.drag_mach, arc.drag_cubic, arc.drag_knots)
 
 
 @kernel
@@ -123,7 +107,7 @@ def drag(
     if arc.drag_area <= 0.0:
         return (0.0, 0.0, 0.0)
     air = air_at(altitude(r, environment), environment, atmosphere)
-    w = relative_velocity(r, v, environment)
+    w = air_velocity(r, v, environment)
     speed = math.sqrt(dot(w, w))
     coefficient, _ = drag_coefficient(arc, speed / air.sound)
     return scale(-0.5 * air.density * arc.drag_area * coefficient * speed, w)
@@ -170,7 +154,7 @@ def drag_with_gradient(
         atmosphere: see the module text.
     """
     air = air_at(altitude(r, environment), environment, atmosphere)
-    w = relative_velocity(r, v, environment)
+    w = air_velocity(r, v, environment)
     speed = math.sqrt(max(dot(w, w), AT_REST))
     mach = speed / air.sound
     coefficient, slope = drag_coefficient(arc, mach)
@@ -188,7 +172,19 @@ def drag_with_gradient(
     rate = environment.rotation_rate
     by_x = axpy(up[0], by_h, scale(-rate, by_v))
     by_y = axpy(up[1], by_h, scale(rate, by_u))
-    return Force(force, by_x, by_y, scale(up[2], by_h), by_u, by_v, by_w)
+    by_z = scale(up[2], by_h)
+    if not is_calm(environment):
+        wind = wind_at(r, environment)
+        by_x = sub(by_x, _along(wind.by_x, by_u, by_v, by_w))
+        by_y = sub(by_y, _along(wind.by_y, by_u, by_v, by_w))
+        by_z = sub(by_z, _along(wind.by_z, by_u, by_v, by_w))
+    return Force(force, by_x, by_y, by_z, by_u, by_v, by_w)
+
+
+@kernel
+def _along(change: Vector, by_u: Vector, by_v: Vector, by_w: Vector) -> Vector:
+    """Return the change of a force with a change of the velocity."""
+    return add(scale(change[0], by_u), axpy(change[1], by_v, scale(change[2], by_w)))
 
 
 @kernel
@@ -197,5 +193,5 @@ def mach_number(
 ) -> float:
     """Compute the Mach number."""
     air = air_at(altitude(r, environment), environment, atmosphere)
-    w = relative_velocity(r, v, environment)
+    w = air_velocity(r, v, environment)
     return math.sqrt(dot(w, w)) / air.sound

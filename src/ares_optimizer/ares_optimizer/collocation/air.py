@@ -16,9 +16,8 @@ from ares_models.kernels.aerodynamics import (
     local_vertical,
     pressure_loss,
     pressure_loss_terms,
-    vertical_stretch,
 )
-from ares_models.kernels.environment import altitude_gradient
+from ares_models.kernels.environment import altitude_gradient, vertical_stretch
 from ares_models.kernels.vectors import Vector, axpy, norm, scale
 from ares_optimizer.collocation.arrays import COASTING, VERTICAL
 from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end

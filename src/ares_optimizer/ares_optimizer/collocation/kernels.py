@@ -20,10 +20,11 @@ from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import allocating, kernel
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.kernels.environment import (
+    air_velocity,
     altitude,
     altitude_gradient,
     log_heating_gradient,
-    relative_velocity,
+    pulled_back,
 )
 from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale
 from ares_optimizer.collocation.air import (
@@ -126,8 +127,7 @@ def pressure_row(
     r, v, u = state
     air = air_at(altitude(r, environment), environment, mission.atmosphere)
     up = altitude_gradient(r, environment)
-    w = relative_velocity(r, v, environment)
-    rate = environment.rotation_rate
+    w = air_velocity(r, v, environment)
     square = dot(w, w)
     by_u = (0.0, 0.0, 0.0)
     if rule.kind == DYNAMIC_PRESSURE_RULE:
@@ -145,7 +145,7 @@ def pressure_row(
         by_u = axpy(-2.0 * k * square * along, w, scale(2.0 * k * square * square, u))
         by_h = 2.0 * value * air.density_slope
     c[0] = 1.0 - value
-    by_r = axpy(by_h, up, (-rate * by_w[1], rate * by_w[0], 0.0))
+    by_r = axpy(by_h, up, pulled_back(r, by_w, environment))
     for i in range(3):
         gradient[0, i] = -scales[0] * by_r[i]
         gradient[0, 3 + i] = -scales[1] * by_w[i]

@@ -55,9 +55,28 @@ def _table_at(height: Array, table: Array, column: int) -> Array:
 
 
 def _air_speed(r: Array, v: Array, environment: Record) -> Array:
-    """Return the velocity in the air that turns with the body, m/s, shape (..., 3)."""
+    """Return the velocity in the air, which turns with the body, less wind, m/s, (..., 3)."""
     rate = float(environment["rotation_rate"])
-    return np.stack((v[..., 0] + rate * r[..., 1], v[..., 1] - rate * r[..., 0], v[..., 2]), -1)
+    turning = np.stack((-rate * r[..., 1], rate * r[..., 0], np.zeros(r.shape[:-1])), -1)
+    return np.asarray(v - turning - _wind(r, environment))
+
+
+def _wind(r: Array, environment: Record) -> Array:
+    """Return the wind over the ground, m/s, shape (..., 3): the table without gusts."""
+    wind = environment["wind"]
+    knots = int(wind["knots"])
+    if not knots:
+        return np.zeros(r.shape)
+    places = wind["altitude"][:knots]
+    height = np.clip(_height(r, environment), places[0], places[-1])
+    k = np.clip(np.searchsorted(places, height, side="right") - 1, 0, knots - 1)
+    powers = (height - places[k])[..., None] ** np.arange(4)
+    to_east, to_north = (np.sum(cubic[k] * powers, axis=-1) for cubic in wind["cubic"])
+    normal = vertical(r, environment)
+    east = np.cross([0.0, 0.0, 1.0], normal)
+    east /= np.maximum(np.linalg.norm(east, axis=-1, keepdims=True), 1e-300)
+    north = np.cross(normal, east)
+    return np.asarray(to_east[..., None] * east + to_north[..., None] * north)
 
 
 def _height(r: Array, environment: Record) -> Array:
@@ -74,7 +93,7 @@ def _density(height: Array, arrays: MissionArrays) -> Array:
 
 
 def heating(r: Array, v: Array, arrays: MissionArrays) -> Array:
-    """Return the free molecular heating 0.5 rho V_rel^3, W/m2 (Eqs. 2.2 to 2.5, 2.12, 2.15).
+    """Return the free molecular heating 0.5 rho V^3 in the air, W/m2 (Eqs. 2.2 to 2.5, 2.12).
 
     Args:
         r: m, shape (..., 3).
@@ -115,8 +134,8 @@ def vertical(r: Array, environment: Record) -> Array:
     """Return the direction upwards, normal to the ground below; along the radius on a sphere."""
     normal = r.copy()
     if environment["altitude_model"] != ALTITUDE_SPHERICAL:
-        normal[2] *= (environment["equatorial_radius"] / environment["polar_radius"]) ** 2
-    return np.asarray(normal / np.linalg.norm(normal))
+        normal[..., 2] *= (environment["equatorial_radius"] / environment["polar_radius"]) ** 2
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
 def air_force(

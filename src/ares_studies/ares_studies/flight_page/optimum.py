@@ -12,8 +12,9 @@ from scipy.interpolate import CubicSpline
 
 from ares_models.arrays import BURN, MissionArrays, Record
 from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
-from ares_models.kernels.environment import altitude, relative_velocity
+from ares_models.kernels.environment import air_velocity, altitude
 from ares_models.kernels.states import insertion_quantities
+from ares_models.kernels.vectors import norm
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_optimizer.solution import FlownArc, Solution, Trajectory
@@ -54,8 +55,6 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
     ]
     insertion = np.array([insertion_quantities(r, v) for r, v in states])
     environment = mission.environment_array()[0]
-    turn = np.array([0.0, 0.0, mission.earth().rotation_rate])
-    air = np.cross(turn, track.position)
     truth = {
         "time": track.time_s,
         "position": track.position,
@@ -64,7 +63,7 @@ def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording
         "thrust_direction": track.direction,
         "thrust": track.thrust,
         "altitude": np.array([altitude(r, environment) for r, _ in states]),
-        "relative_speed": np.linalg.norm(track.velocity - air, axis=1),
+        "relative_speed": np.array([norm(air_velocity(r, v, environment)) for r, v in states]),
         "flight_path_angle": insertion[:, 2],
         "inclination": insertion[:, 3],
         "heating_rate": track.heating_rate,
@@ -98,15 +97,15 @@ def _in_air(truth: Columns, arrays: MissionArrays) -> dict[str, Array]:
         force = thrust * u + np.array(drag(arc, r, v, *surroundings))
         axial = float(force @ u)
         air, speed = air_at(height, *surroundings), float(truth["relative_speed"][i])
-        wind = np.array(relative_velocity(r, v, surroundings[0]))
-        across = float(np.linalg.norm(np.cross(wind, u)))
+        stream = np.array(air_velocity(r, v, surroundings[0]))
+        across = float(np.linalg.norm(np.cross(stream, u)))
         found[i] = (
             thrust,
             axial,
             float(np.linalg.norm(force - axial * u)),
             0.5 * air.density * speed * speed,
             speed / air.sound,
-            math.atan2(across, float(wind @ u)) if speed > AT_REST_M_S else 0.0,
+            math.atan2(across, float(stream @ u)) if speed > AT_REST_M_S else 0.0,
         )
     mass = truth["mass"]
     return {

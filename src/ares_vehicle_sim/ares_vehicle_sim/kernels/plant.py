@@ -27,10 +27,10 @@ from ares_models.kernels.aerodynamics import (
     pressure_loss,
 )
 from ares_models.kernels.environment import (
+    air_velocity,
     altitude,
     gravity,
     heating_rate,
-    relative_velocity,
 )
 from ares_models.kernels.sequence import (
     SAME_BURNOUT,
@@ -686,7 +686,7 @@ def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     along = dot(force, u)
     truth.axial_acceleration = along / plant.mass
     truth.lateral_acceleration = norm(axpy(-along, u, force)) / plant.mass
-    relative = relative_velocity(r, v, environment)
+    relative = air_velocity(r, v, environment)
     speed = norm(relative)
     truth.altitude = altitude(r, environment)
     air = air_at(truth.altitude, environment, mission.atmosphere)
