@@ -29,6 +29,8 @@ EVERYTHING = {
     "jettison_mass": 0.02,
     "jettison_limit": 0.05,
     "log_density": 0.2,
+    "wind": {"table": [[0.0, 5.0, 5.0], [60e3, 40.0, 40.0]]},
+    "gust": {"amplitude_m_s": 5.0, "altitude_m": {"mean": 50e3}, "length_m": {"mean": 300.0}},
     "nrlmsis": {
         "first_date": "2009-01-01",
         "last_date": "2020-01-01",

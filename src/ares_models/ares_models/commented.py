@@ -174,6 +174,8 @@ def scalar(value: Any) -> str:
         return scalar(value[0])
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(scalar, value)) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {scalar(item)}" for key, item in value.items()) + "}"
     if isinstance(value, float) and value and not 1e-3 <= abs(value) < 1e9:
         return np.format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "e")
     if isinstance(value, str) and (not _PLAIN_TEXT.fullmatch(value) or value.lower() in _WORDS):

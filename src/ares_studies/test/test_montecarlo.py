@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from ares_models.mission import Mission, load_mission
+from ares_models.mission import MISSION, Mission, load_mission, parse_mission
 from ares_models.mission_target import target_record
 from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
@@ -717,3 +717,46 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
 )
 def test_what_is_drawn_has_a_name_for_people(column, name):
     assert drawn_name(column) == name
+
+
+def test_a_campaign_from_the_pad_tells_its_loads(tmp_path, hundred):
+    limits = (
+        "max_dynamic_pressure_pa: 60000.0\n    max_q_alpha_pa_rad: 14000.0\n    thrust_n: 1083100.0"
+    )
+    text = MISSION.find("delta_iii_pad").read_text().replace("thrust_n: 1083100.0", limits)
+    mission = parse_mission(text, "limited.yaml")
+    settings = Settings(mission, load_dispersions("standard", mission), seed=3)
+    _, table = fly(CampaignPlan(settings, 60), tmp_path / "pad")
+    rows = table.to_pylist()
+    for load, share, limit in (
+        ("max_q_pa", "max_q_of_limit", 60e3),
+        ("max_q_alpha_pa_rad", "max_q_alpha_of_limit", 14e3),
+    ):
+        values = np.array([row[load] for row in rows])
+        # the first stage has the limits and the greatest loads
+        assert [row[share] for row in rows] == pytest.approx(values / limit)
+        found = summarize(tmp_path / "pad" / "flights.parquet", 1.0).loads[load]
+        assert found.mean == pytest.approx(values.mean())
+        assert found.most == values.max()
+        assert found.worst == pytest.approx(values.max() / limit)
+        assert (found.limited, found.kept) == (60, np.count_nonzero(values <= 1.001 * limit))
+        assert math.isnan(found.bound)
+    assert np.ptp([row["draw_gust_azimuth_deg"] for row in rows]) > 180.0
+    # above the air there is none
+    assert hundred["max_q_pa"].null_count == hundred["max_q_alpha_of_limit"].null_count == 100
+    path = tmp_path / "vacuum.parquet"
+    pq.write_table(hundred, path)
+    assert summarize(path, 1.0).loads == {}
+
+
+def test_more_wind_makes_more_load():
+    mission = load_mission("delta_iii_pad")
+    winds = load_dispersions("standard", mission)
+    calm = winds.model_copy(update={"wind": None, "gust": None})
+    most = [
+        FlightRange(Settings(mission, given, seed=5)).fly(0, 40).results for given in (calm, winds)
+    ]
+    assert most[1]["most_q_alpha"].std() > 1.5 * most[0]["most_q_alpha"].std()
+    # the orbit does not mind
+    assert np.abs(most[1]["mass"] - most[0]["mass"]).max() < 40.0
+    assert list(most[1]["terminal_accuracy"]) == list(most[0]["terminal_accuracy"])

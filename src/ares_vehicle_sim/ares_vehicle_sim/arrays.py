@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING, Record
+from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING, WIND, Record
 
 #: Capacity for the longest possible sequence of a mission; a test covers it.
 MAX_EVENTS = 128
@@ -86,6 +86,8 @@ VARIATION = np.dtype(
         ("jettison_mass", np.float64, (MAX_JETTISONS,)),
         ("jettison_limit", np.float64, (MAX_JETTISONS,)),  # fraction of the heating limit
         ("log_density", np.float64),  # logarithm of a factor
+        ("windy", np.int64),  # 1: the wind is this one, not the mission's
+        ("wind", WIND),
         ("start_delay", np.float64, (MAX_STAGES,)),  # s
         ("start_scale", np.float64, (MAX_STAGES,)),  # fraction of the start's duration
         ("latency", np.float64),  # s from navigation state to command in force
@@ -154,6 +156,11 @@ PLANT = np.dtype(
         ("measurements", np.uint64),  # navigation states so far
         # since the last heating jettison; 0 before any
         ("peak_heating_after_jettison", np.float64),
+        # greatest so far, and as fractions of the limits of the arcs; 0: no air, no limit
+        ("most_dynamic_pressure", np.float64),  # Pa
+        ("most_q_alpha", np.float64),  # Pa, q times the sine of the angle of attack
+        ("dynamic_pressure_share", np.float64),
+        ("q_alpha_share", np.float64),
         ("event_count", np.int64),
         ("events", EVENT, (MAX_EVENTS,)),
     ],

@@ -32,7 +32,8 @@ from ares_models.input_file import (
     parse_input,
     read_text,
 )
-from ares_models.mission_keys import Latitude, Moment, Part, Turn, fail
+from ares_models.mission_keys import Latitude, Moment, Part, Turn, WindTable, check_rising, fail
+from ares_models.mission_parts import MIN_WIND_STEP_M
 from ares_models.ranges import Range
 
 if TYPE_CHECKING:
@@ -205,6 +206,11 @@ Times = Annotated[Spreads, SpreadRange(10.0, least=0.0)]
 Time = Annotated[Spreads, SpreadRange(10.0, least=0.0, components=1)]
 SolarFlux = Annotated[Spreads, SpreadRange(100.0, components=1)]
 GeomagneticIndex = Annotated[Spreads, SpreadRange(80.0, components=1)]
+Factors2 = Annotated[Spreads, SpreadRange(10.0, components=2)]
+GustSpeed = Annotated[Spreads, SpreadRange(50.0, components=1)]
+GustAltitude = Annotated[Spreads, SpreadRange(1e4, least=0.0, components=1)]
+GustLength = Annotated[Spreads, SpreadRange(1e3, least=0.0, components=1)]
+Azimuth = Annotated[Spreads, SpreadRange(72.0, components=1)]
 LengthNoise = Annotated[float, Range(0.0, 1e6)]
 SpeedNoise = Annotated[float, Range(0.0, 1e4)]
 SmallSigma = Annotated[float, Range(0.0, 0.2)]
@@ -251,6 +257,33 @@ class Nrlmsis(Part):
         return self
 
 
+class Winds(Part):
+    """Hold winds that are added to the mission's, normal in each component."""
+
+    table: WindTable = Field(
+        description="knots [metres of altitude, metres per second to the east, to the north]"
+    )
+    factor: Factors2 = Field(
+        default=(Spread(size=1.0),), description="by which the east and the north column are taken"
+    )
+
+    @model_validator(mode="after")
+    def _rising(self) -> "Winds":
+        check_rising("table", self.table, MIN_WIND_STEP_M, "an altitude")
+        return self
+
+
+class Gust(Part):
+    """Hold one gust a flight, a full wave of 1 - cosine over the altitude."""
+
+    amplitude_m_s: GustSpeed = Field(description="spread of its greatest speed")
+    altitude_m: GustAltitude = Field(description="spread of the altitude of its middle")
+    length_m: GustLength = Field(description="spread of the climb from its begin to its end")
+    azimuth_deg: Azimuth = Field(
+        default=NOTHING, description="spread of where it blows to, north to east"
+    )
+
+
 class Dispersions(Part):
     """Hold the distributions of the truth about the mission file, and of navigation errors.
 
@@ -291,6 +324,8 @@ class Dispersions(Part):
     nrlmsis: Nrlmsis | None = Field(
         default=None, description="the true atmosphere is NRLMSIS 2.1 instead of the mission's"
     )
+    wind: Winds | None = Field(default=None, description="winds that are added to the mission's")
+    gust: Gust | None = Field(default=None, description="one gust a flight")
     start_delay_s: Times = Field(
         default=NOTHING, description="from ignition command to the first knot of the start"
     )
@@ -353,7 +388,12 @@ class Dispersions(Part):
 
 
 def _siblings(location: KeyPath) -> list[str]:
-    parts: dict[Any, type[Part]] = {"navigation": NavigationErrors, "nrlmsis": Nrlmsis}
+    parts: dict[Any, type[Part]] = {
+        "navigation": NavigationErrors,
+        "nrlmsis": Nrlmsis,
+        "wind": Winds,
+        "gust": Gust,
+    }
     return list(parts.get(location[0] if len(location) > 1 else "", Dispersions).model_fields)
 
 

@@ -21,6 +21,7 @@ from ares_models.arrays import MAX_KNOTS
 from ares_models.atmosphere import nrlmsis_tables
 from ares_models.mission import Mission
 from ares_models.mission_keys import GEOMAGNETIC_INDEX, SOLAR_FLUX
+from ares_models.wind import WindProfile, together, wind_profile
 from ares_vehicle_sim.arrays import VARIATION
 from ares_vehicle_sim.dispersions import (
     Dispersions,
@@ -61,6 +62,11 @@ FIELDS = {
     "navigation.sensed_delta_v_scale": "errors.sensed_delta_v_scale",
     "navigation.mass_scale": "errors.mass_scale",
     "navigation.heating_scale": "errors.heating_scale",
+    "wind.factor": "",
+    "gust.amplitude_m_s": "",
+    "gust.altitude_m": "",
+    "gust.length_m": "",
+    "gust.azimuth_deg": "",
 }
 PER_STAGE = (
     "thrust",
@@ -89,6 +95,8 @@ ALTITUDE_KM = np.concatenate(
     )
 )
 LEAST_F107 = 50.0
+#: Least length of a gust, m.
+LEAST_GUST_M = 10.0
 DAY_S = 86_400.0
 
 AXES = {"eci": ("x", "y", "z"), "local": ("up", "downrange", "crossrange")}
@@ -166,6 +174,7 @@ class Sampler:
         self._atmosphere = mission.atmosphere().table[None]
         self._axes = _axes(mission, dispersions.initial_frame)
         self._root = dispersions.initial_root()
+        self._mean, self._spread = _winds(mission, dispersions)
         self._quantities = _quantities(mission, dispersions)
         if self._quantities and find_spec("scipy") is None:
             problem = "they need the Python package scipy, which is not installed"
@@ -217,6 +226,8 @@ class Sampler:
                 field[:] = values[:, 0]
             else:
                 field[:, : values.shape[1]] = values
+        if self._dispersions.wind is not None or self._dispersions.gust is not None:
+            self._blow(drawn, variations)
         navigation = self._dispersions.navigation
         errors = variations["errors"]
         errors["active"] = navigation != NavigationErrors()
@@ -226,6 +237,29 @@ class Sampler:
         errors["seed"] = self._seed
         errors["flight"] = np.arange(first, first + count)
         return variations
+
+    def _blow(self, drawn: dict[str, Array], variations: NDArray[np.void]) -> None:
+        """Write the winds: the mission's, what is drawn beside it, and the gust."""
+        variations["windy"] = 1
+        wind = variations["wind"]
+        knots = len(self._mean.altitude)
+        wind["knots"] = knots
+        wind["altitude"][:, :knots] = self._mean.altitude
+        cubic = wind["cubic"][:, :, :knots]
+        cubic[:] = self._mean.cubic
+        if "wind.factor" in drawn:
+            cubic += drawn["wind.factor"][:, :, None, None] * self._spread.cubic
+        if "gust.amplitude_m_s" not in drawn:
+            return
+        nothing = np.zeros((len(variations), 1))
+        amplitude, altitude, length, azimuth = (
+            drawn.get(f"gust.{key}", nothing)[:, 0]
+            for key in ("amplitude_m_s", "altitude_m", "length_m", "azimuth_deg")
+        )
+        towards = np.radians(azimuth)
+        wind["gust"] = amplitude[:, None] * np.stack((np.sin(towards), np.cos(towards)), axis=1)
+        wind["gust_altitude"] = altitude
+        wind["gust_length"] = np.maximum(length, LEAST_GUST_M)
 
     def _atmospheres(self, drawn: dict[str, Array]) -> Array:
         part = self._dispersions.nrlmsis
@@ -309,6 +343,14 @@ def _axes(mission: Mission, frame: str) -> Array:
     return np.array([up, np.cross(crossrange, up), crossrange])
 
 
+def _winds(mission: Mission, dispersions: Dispersions) -> tuple[WindProfile, WindProfile]:
+    """Return the wind of the mission and one sigma of what is added, by the same knots."""
+    calm = ((0.0, 0.0, 0.0),)
+    spread = calm if dispersions.wind is None else dispersions.wind.table
+    given = mission.environment.atmosphere.wind_table or calm
+    return together(wind_profile(given), wind_profile(spread))
+
+
 def _slugs(names: Sequence[str]) -> tuple[str, ...]:
     """Convert names to parts of a column's name."""
     return tuple(re.sub(r"\W+", "_", name) for name in names)
@@ -328,6 +370,7 @@ def _quantities(mission: Mission, dispersions: Dispersions) -> list[_Quantity]:
         f"navigation.{key}": AXES["eci"]
         for key in ("position_bias_m", "velocity_bias_m_s", "sensed_delta_v_scale")
     }
+    components["wind.factor"] = ("east", "north")
     given = _given(dispersions)
     quantities = []
     for name in FIELDS:

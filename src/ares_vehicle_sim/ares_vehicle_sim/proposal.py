@@ -6,12 +6,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ares_models.input_file import read_input
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
 from ares_models.plans import flies_in_air
+from ares_models.sidereal import turns_as_earth
+from ares_vehicle_sim.dispersions import DISPERSIONS, STANDARD_PAD
 
 #: One sigma as a fraction of the speed over the ground, after an open-loop ascent.
 SPEED_SHARE = 0.005
@@ -28,6 +32,8 @@ JETTISON_MASS = 0.01
 #: One sigma of the logarithm of a factor on the density: where a fairing goes, and below 30 km.
 LOG_DENSITY = 0.3
 LOG_DENSITY_LOW = 0.03
+#: One sigma of what a wind that was measured changes by within hours: m, m/s.
+WIND_CHANGE = [[0.0, 1.5, 1.5], [6000.0, 4.0, 4.0], [20000.0, 4.0, 4.0]]
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class Proposed:
     """
 
     key: str
-    value: float | list[float]
+    value: float | list[float] | dict[str, Any]
     reason: str
 
 
@@ -63,9 +69,22 @@ def propose(mission: Mission) -> Iterator[Proposed]:
     if flies_in_air(mission.arrays().arcs):
         reason = "the air below 30 km, where drag and loads are, is 3 % denser or thinner"
         yield Proposed("log_density", LOG_DENSITY_LOW, reason)
+        if turns_as_earth(mission.environment.earth.rotation_rate_rad_s):
+            yield from _winds(mission)
     elif any(part.heating_limit_w_m2 is not None for part in mission.jettisons):
         reason = "the air where a fairing goes is a third denser or thinner than the model's"
         yield Proposed("log_density", LOG_DENSITY, reason)
+
+
+def _winds(mission: Mission) -> Iterator[Proposed]:
+    """Propose what is not known of the wind, and the gust of the standard dispersions."""
+    standard, _ = read_input(DISPERSIONS.find(STANDARD_PAD), DISPERSIONS)
+    if mission.environment.atmosphere.wind_table is None:
+        yield Proposed("wind", standard["wind"], "of any day, as in standard_pad")
+    else:
+        reason = "what the wind of the mission changes by within hours"
+        yield Proposed("wind", {"table": WIND_CHANGE}, reason)
+    yield Proposed("gust", standard["gust"], "as in standard_pad; three sigma are 9 m/s")
 
 
 def _dry_shares(mission: Mission) -> Iterator[float]:

@@ -79,6 +79,16 @@ ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
             "navigation: {heating_noise: 3}",
             "line 1: navigation.heating_noise is 3; expected a number from 0 to 0.2",
         ),
+        (
+            "wind: {table: [[0, 1, 1], [0, 2, 2]]}",
+            "line 1: wind.table[1][0] is 0.0; expected an altitude of at least 1",
+        ),
+        ("wind: {factor: 1.0}", "line 1: wind.table is missing; expected a"),
+        ("gust: {amplitude: 1}", "line 1: gust.amplitude is not a known key (its value is 1); did"),
+        (
+            "gust: {amplitude_m_s: 300, altitude_m: 1, length_m: 1}",
+            "line 1: gust.amplitude_m_s is 300; expected a number of 0 to 50",
+        ),
         ("draws: dice", "line 1: draws is 'dice'; expected one of 'random' or 'sobol'"),
         ("j2: true", "line 1: j2 is true; expected a number"),
         (MSIS.format("2009-01-01", 4), "line 1: nrlmsis.last_date is '2009-01-01 00:00:00+00:00';"),
@@ -132,6 +142,9 @@ def test_from_the_pad_standard_leaves_the_start_alone():
     assert (there.thrust, there.j2) == (standard.thrust, standard.j2)
     assert there.initial_position_m == there.initial_velocity_m_s == (Spread(),)
     assert there.log_density == (Spread(size=0.03),)
+    assert there.wind is not None
+    assert there.gust is not None
+    assert standard.wind is standard.gust is None
 
 
 def test_the_ways_to_say_a_spread(tmp_path):

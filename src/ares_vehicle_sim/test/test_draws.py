@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, qmc
 
-from ares_models.arrays import NAVIGATION
-from ares_models.mission import MISSION, load_mission
+from ares_models.arrays import NAVIGATION, STEERING
+from ares_models.kernels.environment import wind_component
+from ares_models.mission import MISSION, load_mission, parse_mission
 from ares_vehicle_sim.arrays import NAVIGATION_ERRORS
 from ares_vehicle_sim.dispersions import (
     Dispersions,
@@ -41,6 +42,13 @@ EVERYTHING = {
     "jettison_mass": 0.05,
     "jettison_limit": 0.1,
     "log_density": 0.3,
+    "wind": {"table": [[0.0, 4.0, 4.0], [12e3, 30.0, 25.0]]},
+    "gust": {
+        "amplitude_m_s": 3.0,
+        "altitude_m": {"low": 4e3, "high": 16e3},
+        "length_m": {"low": 60.0, "high": 300.0},
+        "azimuth_deg": {"low": 0.0, "high": 360.0},
+    },
     "start_delay_s": {"low": 0.0, "high": 0.5},
     "start_scale": 0.1,
     "latency_s": {"low": 0.05, "high": 0.2},
@@ -61,6 +69,15 @@ MSIS = {
 @pytest.fixture(scope="module")
 def ares_v():
     return load_mission("ares_v")
+
+
+@pytest.fixture(scope="module")
+def windy():
+    """Return a mission on its pad, in a wind."""
+    text = MISSION.find("delta_iii_pad").read_text()
+    knots = "[[0.0, 3.0, -2.0], [5000.0, 18.0, 4.0], [12000.0, 45.0, 5.0], [20000.0, 8.0, 0.0]]"
+    height = "scale_height_m: 7200.0"
+    return parse_mission(text.replace(height, f"{height}\n    wind_table: {knots}"), "windy.yaml")
 
 
 def draw(mission, count=1, first=0, seed=0, **given):
@@ -194,6 +211,60 @@ def test_engines_keep_thrust_flow_and_exhaust_velocity_consistent(ares_v):
     assert arcs["thrust"] == pytest.approx(arcs["mass_flow"] * arcs["exhaust_velocity"])
     low = true_mission(ares_v, thrust=[0.0, {"mean": -0.15, "sigma": 0.0}]).arcs
     assert low["thrust"] == pytest.approx(nominal["thrust"] * [1.0, 0.85])
+
+
+def test_a_drawn_wind_is_added_to_that_of_the_mission(windy):
+    given = {"wind": {"table": EVERYTHING["wind"]["table"], "factor": [1.0, {"mean": 0.5}]}}
+    sampler = Sampler(windy, Dispersions(**given), 4)
+    east, north = sampler.draw(7, 1).inputs[0]
+    assert sampler.columns == ("wind.factor.east", "wind.factor.north")
+    assert abs(east) < 5.0
+    assert north == 0.5
+    own, true = windy.arrays().environment[0], true_mission(windy, 7, **given).environment[0]
+    for height, one_sigma in ((0.0, (4.0, 4.0)), (12e3, (30.0, 25.0)), (60e3, (0.0, 0.0))):
+        for axis, factor in ((0, east), (1, north)):
+            mean, _ = wind_component(height, own["wind"], axis)
+            found, _ = wind_component(height, true["wind"], axis)
+            assert found == pytest.approx(mean + factor * one_sigma[axis], abs=1e-9)
+    # what guidance believes is the mission's
+    assert windy.arrays(foreseen=True).environment.tobytes() == own.tobytes()
+
+
+def test_a_drawn_gust_blows_where_its_azimuth_says(windy):
+    gust = {"amplitude_m_s": {"mean": 9.0}, "altitude_m": {"mean": 11e3}, "length_m": 1.0}
+    given = {"gust": gust | {"azimuth_deg": {"mean": 150.0}}}
+    own, true = windy.arrays().environment[0], true_mission(windy, 2, **given).environment[0]
+    assert true["wind"]["gust_length"] >= 10.0
+    for axis, share in ((0, 0.5), (1, -np.sqrt(0.75))):
+        for away, part in ((0.0, 1.0), (1e3, 0.0)):
+            mean, _ = wind_component(11e3 + away, own["wind"], axis)
+            found, _ = wind_component(11e3 + away, true["wind"], axis)
+            assert found - mean == pytest.approx(9.0 * share * part, abs=1e-9)
+
+
+def test_the_greatest_loads_are_seen_by_long_steps_too(windy):
+    """A gust of 80 m is passed within a quarter of a second."""
+    gust = {
+        "amplitude_m_s": {"mean": 60.0},
+        "altitude_m": {"mean": 8e3},
+        "length_m": {"mean": 80.0},
+    }
+    given = Dispersions(gust=gust)
+    most = []
+    for step, dispersions in ((1.0, given), (0.01, given), (1.0, None)):
+        simulator = Simulator(windy, SimulatorOptions(1.0, step), dispersions)
+        steering = np.zeros(1, STEERING)
+        steering["cutoff_time"] = np.nan
+        steering["arc_end_times"] = np.nan
+        steering["jettison"] = -1
+        up = simulator.plant["position"] / np.linalg.norm(simulator.plant["position"])
+        steering["direction"] = up
+        while simulator.plant["altitude"] < 12e3:
+            simulator.command(steering)
+            simulator.advance()
+        most.append(float(simulator.plant["most_q_alpha"]))
+    assert most[0] == pytest.approx(most[1], rel=0.01)
+    assert most[0] > 1.3 * most[2]
 
 
 def test_masses_add_up_to_the_stack(ares_v):

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -35,7 +35,7 @@ from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
-from ares_studies.montecarlo.statistics import FAILURES, Summary, Tally, summarize
+from ares_studies.montecarlo.statistics import FAILURES, Load, Summary, Tally, summarize
 from ares_studies.montecarlo.store import Store, StoreError
 from ares_studies.montecarlo.table import FLAGS, make_table
 from ares_studies.montecarlo.ways import make_ways, sampled
@@ -313,6 +313,7 @@ def _report(
             "reserve_kg": summary.reserve.reserve_kg,
             "flights_needed": summary.reserve.needed,
         },
+        "loads": {name: asdict(load) for name, load in summary.loads.items()},
         "influences": {
             name: {influence.name: influence.correlation for influence in influences}
             for name, influences in summary.influences.items()
@@ -387,6 +388,8 @@ def _print(
         out.print(f"{name} {number(value, 1)} kg ({number(low, 1)} to {number(high, 1)})")
     out.print(f"              {tally.least:,.1f} to {tally.most:,.1f} kg")
     out.print("reserve       " + _reserve(summary, tally.n))
+    for name, load in summary.loads.items():
+        out.print(f"{name} {_load(load)}")
     for name, influences in summary.influences.items():
         strongest = ", ".join(f"{i.name} {i.correlation:+.2f}" for i in influences[:3])
         if strongest:
@@ -403,6 +406,19 @@ def _print(
     out.print(f"flights   {shown_path(said['results'])}", soft_wrap=True)
     out.print(f"report    {shown_path(said['report'])}", soft_wrap=True)
     out.print(f"again     {options.command('fly')} --flight K", soft_wrap=True)
+
+
+def _load(load: Load) -> str:
+    """Describe a load of the air and what is left of its limit."""
+    text = f"mean {number(load.mean, 0)}, most {number(load.most, 0)}"
+    if math.isfinite(load.bound):
+        text += f", {number(load.bound, 0)} in 99.7 % of flights (90 % sure)"
+    if load.limited:
+        text += (
+            f"; {load.kept:,} of {load.limited:,} flights keep the limit, "
+            f"at worst {100 * load.worst:.1f} % of it"
+        )
+    return text
 
 
 def _reserve(summary: Summary, n: int) -> str:

@@ -16,6 +16,11 @@ RESULT = np.dtype(
         ("jettison_heating", np.float64),  # W/m2, true
         ("jettison_limit", np.float64),  # W/m2, true
         ("peak_heating_after", np.float64),  # W/m2, from the jettison on
+        # greatest of a flight in the air, and as fractions of the limits; nan: no air, no limit
+        ("most_dynamic_pressure", np.float64),  # Pa
+        ("most_q_alpha", np.float64),  # Pa, q times the sine of the angle of attack
+        ("dynamic_pressure_share", np.float64),
+        ("q_alpha_share", np.float64),
         # flown minus target, at the end, and what it comes to
         *JUDGED,
         ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT

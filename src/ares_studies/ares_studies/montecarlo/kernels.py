@@ -19,6 +19,12 @@ from ares_vehicle_sim.kernels.variation import vary
 
 
 @kernel
+def known(value: float) -> float:
+    """Return a value, nan for 0."""
+    return value if value > 0.0 else math.nan
+
+
+@kernel
 def judge(loop: Loop, result: Record) -> None:
     """Judge a completed flight; fill a record RESULT."""
     plant = loop.vehicle.plant
@@ -31,6 +37,10 @@ def judge(loop: Loop, result: Record) -> None:
     result.jettison_time = math.nan
     result.jettison_heating = math.nan
     result.jettison_limit = math.nan
+    result.most_dynamic_pressure = known(plant.most_dynamic_pressure)
+    result.most_q_alpha = known(plant.most_q_alpha)
+    result.dynamic_pressure_share = known(plant.dynamic_pressure_share)
+    result.q_alpha_share = known(plant.q_alpha_share)
     result.ended = CUTOFF if plant.inserted == 1 else DEPLETION
     answered = loop.onboard.state.programme.active == 1
     result.converged = 0 if math.isnan(loop.onboard.steering.cutoff_time) and not answered else 1

@@ -82,6 +82,11 @@ DRAWN_NAMES = {
     "navigation.sensed_delta_v_scale": "accelerometer scale",
     "navigation.mass_scale": "mass estimate",
     "navigation.heating_scale": "heating measurement",
+    "wind.factor": "wind",
+    "gust.amplitude_m_s": "gust, speed",
+    "gust.altitude_m": "gust, altitude",
+    "gust.length_m": "gust, length",
+    "gust.azimuth_deg": "gust, azimuth",
 }
 RESULT_NAMES = {
     "m_f_kg": ("final mass", "kg", 1),
@@ -90,6 +95,8 @@ RESULT_NAMES = {
     "propellant_used_kg": ("propellant used by the last stage", "kg", 0),
     "heating_at_jettison_w_m2": ("heating at the jettison", "W/m2", 1),
     "heating_peak_after_jettison_w_m2": ("highest heating from the jettison on", "W/m2", 1),
+    "max_q_pa": ("highest dynamic pressure", "Pa", 0),
+    "max_q_alpha_pa_rad": ("highest dynamic pressure times angle of attack", "Pa rad", 0),
     "radius_error_m": ("radius error", "m", 2),
     "speed_error_m_s": ("speed error", "m/s", 4),
     "flight_path_angle_error_deg": ("flight-path angle error", "deg", 6),
@@ -276,6 +283,15 @@ def _masses(summary: Summary) -> PageTable:
     rows.append(
         Row("of it beyond the nominal flight, kg", (number(reserve.reserve_kg, 0), word("")))
     )
+    for name, load in summary.loads.items():
+        title, unit, decimals = RESULT_NAMES[name]
+        rows.append(Row(f"{title}, mean, {unit}", (number(load.mean, decimals), word(""))))
+        sure = "with 90 % confidence"
+        if not math.isfinite(load.bound):
+            sure = f"takes {reserve.needed} flights"
+        rows.append(Row("of 99.7 % of flights", (number(load.bound, decimals), word(sure))))
+        kept = f"limit kept in {load.kept:,} flights" if load.limited else "no limit"
+        rows.append(Row("most", (number(load.most, decimals), word(kept))))
     columns = (Column("value"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
     return PageTable(columns, tuple(rows))
 
@@ -383,6 +399,8 @@ def _result_figures(summary: Summary) -> list[Item]:
         "t_plf_s",
         "t_meco_s",
         "heating_peak_after_jettison_w_m2",
+        "max_q_pa",
+        "max_q_alpha_pa_rad",
     )
     limits = summary.sample["heating_limit_w_m2"]
     limits = limits[np.isfinite(limits)]

@@ -5,6 +5,7 @@ The file of flights is read one group of rows at a time, so that memory does not
 campaign, except for three numbers per thousand flights (the tail for the reserve).
 """
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -180,6 +181,53 @@ class _Tail:
 
 
 @dataclass(frozen=True)
+class Load:
+    """Hold the greatest values of a load of the air, one a flight.
+
+    Attributes:
+        mean, most: over the flights.
+        bound: upper bound in RESERVE_SHARE of flights with RESERVE_CONFIDENCE; nan: too few.
+        limited: flights with a limit.
+        kept: those of them within ALLOWED of it.
+        worst: greatest fraction of the limit; nan: there is none.
+    """
+
+    mean: float
+    most: float
+    bound: float
+    limited: int
+    kept: int
+    worst: float
+
+
+class _LoadTally:
+    """Accumulate a load and its fraction of the limit."""
+
+    def __init__(self, size: int) -> None:
+        self._tail = _Tail(size)
+        self._count, self._sum = 0, 0.0
+        self._limited, self._kept, self._worst = 0, 0, math.nan
+
+    def add(self, values: Array, shares: Array) -> None:
+        values, shares = values[np.isfinite(values)], shares[np.isfinite(shares)]
+        self._tail.add(values)
+        self._count += values.size
+        self._sum += float(values.sum())
+        if shares.size:
+            self._limited += shares.size
+            self._kept += int(np.count_nonzero(shares <= ALLOWED))
+            self._worst = float(np.fmax(self._worst, shares.max()))
+
+    def load(self, rank: int) -> Load | None:
+        """Return the load, its bound being the value of a rank; None: no flight has it."""
+        if not self._count:
+            return None
+        bound = self._tail.largest(rank) if rank else math.nan
+        mean, most = self._sum / self._count, self._tail.largest(1)
+        return Load(mean, most, bound, self._limited, self._kept, self._worst)
+
+
+@dataclass(frozen=True)
 class Histogram:
     """Hold a histogram of a quantity.
 
@@ -216,6 +264,7 @@ class Summary:
     Attributes:
         tally: counts and moments.
         reserve: of propellant.
+        loads: of flights in the air, by column of the table.
         histograms: by column of the table.
         influences: of each draw on a result, strongest first, by the result's column.
         worst: rows, by criterion.
@@ -225,6 +274,7 @@ class Summary:
 
     tally: Tally
     reserve: Reserve
+    loads: dict[str, Load]
     histograms: dict[str, Histogram]
     influences: dict[str, list[Influence]]
     worst: dict[str, list[dict[str, Any]]]
@@ -244,6 +294,8 @@ HISTOGRAMS = (
     "heating_at_jettison_w_m2",
     "heating_peak_after_jettison_w_m2",
     "propellant_used_kg",
+    "max_q_pa",
+    "max_q_alpha_pa_rad",
     "radius_error_m",
     "speed_error_m_s",
     "flight_path_angle_error_deg",
@@ -256,12 +308,18 @@ HISTOGRAMS = (
     "true_anomaly_error_deg",
 )
 #: Results whose sensitivities are reported.
-TOLD = ("m_f_kg", "t_plf_s", "t_meco_s")
+TOLD = ("m_f_kg", "t_plf_s", "t_meco_s", "max_q_alpha_pa_rad")
+#: Loads of the air, with the column of the fraction of the limit.
+LOADS = {"max_q_pa": "max_q_of_limit", "max_q_alpha_pa_rad": "max_q_alpha_of_limit"}
+#: Fraction of a limit up to which it counts as kept, as a plan keeps it.
+ALLOWED = 1.001
 #: Lists of worst flights: title, column, and whether low is bad.
 LISTS = (
     ("least final mass", "m_f_kg", True),
     ("latest jettison", "t_plf_s", False),
     ("highest heating after the jettison", "heating_peak_after_jettison_w_m2", False),
+    ("highest dynamic pressure", "max_q_pa", False),
+    ("highest dynamic pressure times angle of attack", "max_q_alpha_pa_rad", False),
     ("farthest from the target's radius", "radius_error_m", False),
     ("farthest from the target's speed", "speed_error_m_s", False),
 )
@@ -285,6 +343,11 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
     return Summary(
         tally=gathered.tally,
         reserve=Reserve(flights_needed(), used if np.isfinite(used) else np.nan, nominal_kg),
+        loads={
+            name: load
+            for name, tally in gathered.loads.items()
+            if (load := tally.load(rank)) is not None
+        },
         histograms=histograms,
         influences={name: _influences(gathered.sample, name) for name in TOLD},
         worst={FAILURES: gathered.failures[: 2 * WORST], **gathered.worst},
@@ -298,7 +361,9 @@ class _Gathered:
 
     def __init__(self, count: int) -> None:
         self.tally = Tally()
-        self.tail = _Tail(int((1.0 - RESERVE_SHARE) * count) + 1)
+        size = int((1.0 - RESERVE_SHARE) * count) + 1
+        self.tail = _Tail(size)
+        self.loads = {name: _LoadTally(size) for name in LOADS}
         self.spans: dict[str, Interval] = {}
         self.good_spans: dict[str, Interval] = {}
         self.failures: list[dict[str, Any]] = []
@@ -310,6 +375,8 @@ class _Gathered:
         used = table["propellant_used_kg"].to_numpy()
         arrived = table["terminal_accuracy"].to_numpy()
         self.tail.add(np.where(arrived, used, np.inf))
+        for name, share in LOADS.items():
+            self.loads[name].add(table[name].to_numpy(), table[share].to_numpy())
         good = table["succeeded"].to_numpy()
         for name in HISTOGRAMS:
             values = table[name].to_numpy()

@@ -62,6 +62,10 @@ NUMBERS = (
     ("heating_limit_w_m2", "jettison_limit", False),
     ("heating_peak_after_jettison_w_m2", "peak_heating_after", False),
     ("propellant_used_kg", "propellant_used", False),
+    ("max_q_pa", "most_dynamic_pressure", False),
+    ("max_q_alpha_pa_rad", "most_q_alpha", False),
+    ("max_q_of_limit", "dynamic_pressure_share", False),
+    ("max_q_alpha_of_limit", "q_alpha_share", False),
     *((error_column(f), f"{f.name}_error", f.unit == "deg") for f in FIGURES),
 )
 #: Conditions of a success.

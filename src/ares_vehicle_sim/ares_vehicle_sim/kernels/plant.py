@@ -29,6 +29,7 @@ from ares_models.kernels.aerodynamics import (
 from ares_models.kernels.environment import (
     air_velocity,
     altitude,
+    density,
     gravity,
     heating_rate,
 )
@@ -64,6 +65,7 @@ from ares_models.kernels.vectors import (
     add,
     angle_between,
     axpy,
+    cross,
     dot,
     load,
     norm,
@@ -102,6 +104,9 @@ from ares_vehicle_sim.kernels.failures import (
 SLEW_STEP = 0.02
 #: Largest number of integration steps between two navigation states.
 MOST_STEPS = 1e7
+#: Steps over a gust, and acceleration by which a climb may change before it, m/s2.
+GUST_STEPS = 16.0
+MOST_CLIMB_CHANGE = 50.0
 #: Speed in the air below which a vehicle has no angle of attack, m/s.
 SLOW_AIR = 1e-3
 #: Largest absolute time for a clock in nanoseconds, s.
@@ -205,6 +210,36 @@ def sense(mission: MissionRecords, plant: Record) -> None:
     # 0 before the jettison
     if plant.heating_rate > plant.peak_heating_after_jettison > 0.0:
         plant.peak_heating_after_jettison = plant.heating_rate
+
+
+@kernel
+def note_loads(mission: MissionRecords, plant: Record) -> None:
+    """Keep the greatest dynamic pressure, and the greatest q sin(angle of attack) of burns."""
+    arc = mission.arcs[plant.arc]
+    r = load(plant.position)
+    w = air_velocity(r, load(plant.velocity), mission.environment)
+    speed = norm(w)
+    pressure = 0.5 * density(r, mission.environment, mission.atmosphere) * speed * speed
+    plant.most_dynamic_pressure = max(plant.most_dynamic_pressure, pressure)
+    share = pressure / arc.max_dynamic_pressure
+    plant.dynamic_pressure_share = max(plant.dynamic_pressure_share, share)
+    if arc.kind == BURN and speed > SLOW_AIR:
+        across = pressure * norm(cross(load(plant.direction), w)) / speed
+        plant.most_q_alpha = max(plant.most_q_alpha, across)
+        plant.q_alpha_share = max(plant.q_alpha_share, across / arc.max_q_alpha)
+
+
+@kernel
+def gust_step(mission: MissionRecords, plant: Record, span: float) -> float:
+    """Return the longest step, s, that resolves a gust that may be met within ``span`` s."""
+    wind = mission.environment.wind
+    if wind.gust_length == 0.0:
+        return math.inf
+    climb = abs(dot(load(plant.velocity), unit(load(plant.position))))
+    away = abs(plant.altitude - wind.gust_altitude) - 0.5 * wind.gust_length
+    if away > span * (climb + span * MOST_CLIMB_CHANGE):
+        return math.inf
+    return float(wind.gust_length / (GUST_STEPS * max(climb, 1.0)))
 
 
 @kernel
@@ -620,6 +655,8 @@ def integrate_to(mission: MissionRecords, vehicle: Vehicle, end: float, largest:
     for i in range(1, steps + 1):
         at = end if i == steps else start + (end - start) * i / steps
         integrate(mission, vehicle, at)
+        if is_in_air(mission.arcs[plant.arc]):
+            note_loads(mission, plant)
         if i == steps or plant.peak_heating_after_jettison > 0.0:
             sense(mission, plant)
 
@@ -641,6 +678,7 @@ def flight_step(mission: MissionRecords, vehicle: Vehicle, until: float) -> None
     largest = options.max_step
     if math.isfinite(options.attitude_rate_limit):
         largest = min(largest, SLEW_STEP)
+    largest = min(largest, gust_step(mission, plant, until - plant.time))
     early = plant.time - plant.events[0].time < LONGEST_FLIGHT
     if not (early and until - plant.time < MOST_STEPS * largest):
         end_by_limit(plant)

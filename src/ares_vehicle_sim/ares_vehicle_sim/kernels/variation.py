@@ -112,6 +112,8 @@ def vary(variation: Record, nominal: MissionArrays, true: MissionArrays, plant: 
     """
     true.environment[0] = nominal.environment[0]
     true.environment[0].density_factor *= math.exp(variation.log_density)
+    if variation.windy == 1:
+        true.environment[0].wind = variation.wind
     vary_arcs(variation, nominal.arcs, nominal.jettisons, true.arcs)
     for j in range(nominal.jettisons.shape[0]):
         true.jettisons[j] = nominal.jettisons[j]
