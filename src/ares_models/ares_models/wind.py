@@ -17,6 +17,8 @@ from ares_models.splines import hermite_table, monotone_slopes
 
 Array = NDArray[np.float64]
 
+#: Difference of altitudes below which two knots are one, m.
+SAME_M = 1e-3
 #: Climb over which the wind fades to zero above the last knot, m.
 FADE_M = 20e3
 
@@ -40,7 +42,7 @@ class WindProfile(NamedTuple):
         return hermite_table(self.altitude, self.value, self.slope)[..., 1:]
 
     def refined(self, altitude: Array) -> "WindProfile":
-        """Return the same wind by other knots, which include its own, m."""
+        """Return the same wind by other knots, which include its own within SAME_M, m."""
         cubic = self.cubic
         found = np.array(
             [
@@ -73,4 +75,5 @@ def wind_profile(knots: Sequence[ArrayLike]) -> WindProfile:
 def together(one: WindProfile, other: WindProfile) -> tuple[WindProfile, WindProfile]:
     """Return two winds by the knots of both."""
     altitude = np.union1d(one.altitude, other.altitude)
+    altitude = altitude[np.diff(altitude, prepend=-np.inf) > SAME_M]
     return one.refined(altitude), other.refined(altitude)

@@ -147,6 +147,13 @@ def test_two_winds_by_the_knots_of_both_are_what_they_were():
                 assert kernels.wind_component(h, new[0], axis) == pytest.approx(wanted, abs=1e-12)
 
 
+def test_knots_of_two_winds_that_are_nearly_the_same_are_one():
+    one, other = together(wind_profile(KNOTS), wind_profile([[1e-320, 1.0, 1.0], [5e3, 2.0, 2.0]]))
+    assert one.altitude.tolist() == other.altitude.tolist()
+    assert np.diff(one.altitude).min() > 1.0
+    assert np.isfinite(other.cubic).all()
+
+
 def test_a_mission_without_wind_is_calm():
     environment = AIR.environment[0]
     r, v = (6.5e6, 1e5, 1e6), (100.0, 7000.0, 200.0)

@@ -23,7 +23,7 @@ from ares_optimizer.registry import GROUP
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.flight_page.geometry import impact_time
 from ares_studies.montecarlo.flights import FlightRange, Settings
-from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.dispersions import STANDARD_PAD, load_dispersions
 
 
 def plan_from_pad() -> None:
@@ -44,12 +44,12 @@ def fly_once(name: str) -> None:
 
 def compile_laws(*names: str) -> None:
     """Fly Ares V by each law: stepwise, compiled and in a campaign."""
-    mission = load_mission("ares_v")
+    mission, dispersions = load_mission("ares_v"), load_dispersions(STANDARD_PAD)
     for name in names:
         fly_once(name)
         fly_compiled(mission, law=name)
         if not find_law(name).needs_trajectory:
-            FlightRange(Settings(mission, Dispersions(), law=name)).fly(0, 1)
+            FlightRange(Settings(mission, dispersions, law=name)).fly(0, 1)
 
 
 def compile_solvers() -> None:

@@ -174,7 +174,7 @@ class Sampler:
         self._atmosphere = mission.atmosphere().table[None]
         self._axes = _axes(mission, dispersions.initial_frame)
         self._root = dispersions.initial_root()
-        self._mean, self._spread = _winds(mission, dispersions)
+        self._winds = _winds(mission, dispersions)
         self._quantities = _quantities(mission, dispersions)
         if self._quantities and find_spec("scipy") is None:
             problem = "they need the Python package scipy, which is not installed"
@@ -226,8 +226,8 @@ class Sampler:
                 field[:] = values[:, 0]
             else:
                 field[:, : values.shape[1]] = values
-        if self._dispersions.wind is not None or self._dispersions.gust is not None:
-            self._blow(drawn, variations)
+        if self._winds is not None:
+            _blow(self._winds, drawn, variations)
         navigation = self._dispersions.navigation
         errors = variations["errors"]
         errors["active"] = navigation != NavigationErrors()
@@ -237,29 +237,6 @@ class Sampler:
         errors["seed"] = self._seed
         errors["flight"] = np.arange(first, first + count)
         return variations
-
-    def _blow(self, drawn: dict[str, Array], variations: NDArray[np.void]) -> None:
-        """Write the winds: the mission's, what is drawn beside it, and the gust."""
-        variations["windy"] = 1
-        wind = variations["wind"]
-        knots = len(self._mean.altitude)
-        wind["knots"] = knots
-        wind["altitude"][:, :knots] = self._mean.altitude
-        cubic = wind["cubic"][:, :, :knots]
-        cubic[:] = self._mean.cubic
-        if "wind.factor" in drawn:
-            cubic += drawn["wind.factor"][:, :, None, None] * self._spread.cubic
-        if "gust.amplitude_m_s" not in drawn:
-            return
-        nothing = np.zeros((len(variations), 1))
-        amplitude, altitude, length, azimuth = (
-            drawn.get(f"gust.{key}", nothing)[:, 0]
-            for key in ("amplitude_m_s", "altitude_m", "length_m", "azimuth_deg")
-        )
-        towards = np.radians(azimuth)
-        wind["gust"] = amplitude[:, None] * np.stack((np.sin(towards), np.cos(towards)), axis=1)
-        wind["gust_altitude"] = altitude
-        wind["gust_length"] = np.maximum(length, LEAST_GUST_M)
 
     def _atmospheres(self, drawn: dict[str, Array]) -> Array:
         part = self._dispersions.nrlmsis
@@ -343,12 +320,43 @@ def _axes(mission: Mission, frame: str) -> Array:
     return np.array([up, np.cross(crossrange, up), crossrange])
 
 
-def _winds(mission: Mission, dispersions: Dispersions) -> tuple[WindProfile, WindProfile]:
-    """Return the wind of the mission and one sigma of what is added, by the same knots."""
+def _winds(mission: Mission, dispersions: Dispersions) -> tuple[WindProfile, WindProfile] | None:
+    """Return the wind of the mission and what is added, by the same knots; None: nothing blows."""
+    if dispersions.wind is None and dispersions.gust is None:
+        return None
     calm = ((0.0, 0.0, 0.0),)
-    spread = calm if dispersions.wind is None else dispersions.wind.table
+    added = calm if dispersions.wind is None else dispersions.wind.table
     given = mission.environment.atmosphere.wind_table or calm
-    return together(wind_profile(given), wind_profile(spread))
+    return together(wind_profile(given), wind_profile(added))
+
+
+def _blow(
+    winds: tuple[WindProfile, WindProfile],
+    drawn: dict[str, Array],
+    variations: NDArray[np.void],
+) -> None:
+    """Write the winds of flights: the mission's, what is drawn beside it, and the gust."""
+    mean, added = winds
+    variations["windy"] = 1
+    wind = variations["wind"]
+    knots = len(mean.altitude)
+    wind["knots"] = knots
+    wind["altitude"][:, :knots] = mean.altitude
+    cubic = wind["cubic"][:, :, :knots]
+    cubic[:] = mean.cubic
+    if "wind.factor" in drawn:
+        cubic += drawn["wind.factor"][:, :, None, None] * added.cubic
+    if "gust.amplitude_m_s" not in drawn:
+        return
+    nothing = np.zeros((len(variations), 1))
+    amplitude, altitude, length, azimuth = (
+        drawn.get(f"gust.{key}", nothing)[:, 0]
+        for key in ("amplitude_m_s", "altitude_m", "length_m", "azimuth_deg")
+    )
+    towards = np.radians(azimuth)
+    wind["gust"] = amplitude[:, None] * np.stack((np.sin(towards), np.cos(towards)), axis=1)
+    wind["gust_altitude"] = altitude
+    wind["gust_length"] = np.maximum(length, LEAST_GUST_M)
 
 
 def _slugs(names: Sequence[str]) -> tuple[str, ...]:
