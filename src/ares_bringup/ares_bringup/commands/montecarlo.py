@@ -48,6 +48,11 @@ EXIT_INTERRUPTED = 130
 #: Folder of new campaigns in the workspace.
 CAMPAIGNS = "campaigns"
 REPORT = "report.html"
+#: Label, unit, factor and decimals of the loads in the summary.
+LOAD_WORDS = {
+    "max_q_pa": ("max q", "kPa", 1e-3, 2),
+    "max_q_alpha_pa_rad": ("max q alpha", "Pa rad", 1.0, 0),
+}
 
 
 @dataclass(frozen=True)
@@ -389,7 +394,7 @@ def _print(
     out.print(f"              {tally.least:,.1f} to {tally.most:,.1f} kg")
     out.print("reserve       " + _reserve(summary, tally.n))
     for name, load in summary.loads.items():
-        out.print(f"{name} {_load(load)}")
+        out.print(_load(name, load), soft_wrap=True)
     for name, influences in summary.influences.items():
         strongest = ", ".join(f"{i.name} {i.correlation:+.2f}" for i in influences[:3])
         if strongest:
@@ -408,16 +413,13 @@ def _print(
     out.print(f"again     {options.command('fly')} --flight K", soft_wrap=True)
 
 
-def _load(load: Load) -> str:
-    """Describe a load of the air and what is left of its limit."""
-    text = f"mean {number(load.mean, 0)}, most {number(load.most, 0)}"
-    if math.isfinite(load.bound):
-        text += f", {number(load.bound, 0)} in 99.7 % of flights (90 % sure)"
+def _load(name: str, load: Load) -> str:
+    """Describe a load of the air, and what is left of its limit."""
+    label, unit, factor, decimals = LOAD_WORDS[name]
+    mean, most = (number(factor * value, decimals) for value in (load.mean, load.most))
+    text = f"{label:13} mean {mean}, most {most} {unit}"
     if load.limited:
-        text += (
-            f"; {load.kept:,} of {load.limited:,} flights keep the limit, "
-            f"at worst {100 * load.worst:.1f} % of it"
-        )
+        text += f"; {load.kept:,} within the limit, worst {100 * load.worst:.0f} %"
     return text
 
 
