@@ -8,7 +8,7 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_studies.montecarlo import reach as module
-from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reach, reaches
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 
@@ -29,6 +29,17 @@ def test_weak_engines_do_not_reach_the_orbit():
     assert found.within is False
     assert math.isnan(found.m_f_kg)
     assert str(found).startswith("out of reach: ")
+
+
+def test_a_flight_through_wind_is_asked_about_too():
+    mission = load_mission("delta_iii_pad")
+    pad = Settings(mission, load_dispersions("standard", mission), law="optimal")
+    weak, good = reach(pad, 42), reach(pad, 3)
+    assert weak.within is False
+    assert "propellant of the last stage" in weak.reason
+    flown = FlightRange(pad).fly(3, 1).results[0]
+    assert flown["terminal_accuracy"]
+    assert 0.995 * good.m_f_kg < flown["mass"] < good.m_f_kg
 
 
 def test_each_flight_is_drawn_as_the_campaign_drew_it():
@@ -60,9 +71,3 @@ def test_an_error_of_the_program_is_not_asked_about():
     found = reaches(settings(), rows)
     assert list(found) == [2]
     assert isinstance(found[2], Reach)
-
-
-def test_of_a_flight_in_the_air_it_is_left_open():
-    pad = load_mission("delta_iii_pad")
-    found = reach(Settings(pad, load_dispersions("standard", pad)), 42)
-    assert str(found).startswith("within reach or not: unknown, an optimum through the air takes")
