@@ -19,9 +19,11 @@ MAX_JETTISONS = 8
 MAX_KNOTS = 64
 #: Largest number of knots of a drag table.
 MAX_DRAG_KNOTS = 32
-#: Largest number of knots of a wind table, and room for two of them with their ends.
+#: Largest number of knots of a wind table, and layers of turbulence.
 MAX_WIND_KNOTS = 32
-WIND_ROOM = 2 * (MAX_WIND_KNOTS + 1)
+MAX_STIRRED_LAYERS = 200
+#: Room for the knots of three wind tables with their ends, and of the layers.
+WIND_ROOM = 3 * (MAX_WIND_KNOTS + 1) + MAX_STIRRED_LAYERS
 #: Largest number of protected areas, and of corners of one.
 MAX_AREAS = 12
 MAX_VERTICES = 24
@@ -111,6 +113,8 @@ WIND = np.dtype(
         ("gust", np.float64, (2,)),  # m/s, east and north at its middle
         ("gust_altitude", np.float64),  # m, of its middle
         ("gust_length", np.float64),  # m of altitude; 0: none
+        ("stirred_below", np.float64),  # m, greatest altitude of turbulence
+        ("stirred_step", np.float64),  # m, half of the thickness of its layers; 0: none
     ],
     align=True,
 )

@@ -72,8 +72,8 @@ def wind_profile(knots: Sequence[ArrayLike]) -> WindProfile:
     return WindProfile(altitude, value, slope)
 
 
-def together(one: WindProfile, other: WindProfile) -> tuple[WindProfile, WindProfile]:
-    """Return two winds by the knots of both."""
-    altitude = np.union1d(one.altitude, other.altitude)
+def together(winds: Sequence[WindProfile], more: ArrayLike = ()) -> list[WindProfile]:
+    """Return winds by the knots of all, and more of them, m."""
+    altitude = np.unique(np.concatenate((*(wind.altitude for wind in winds), np.asarray(more))))
     altitude = altitude[np.diff(altitude, prepend=-np.inf) > SAME_M]
-    return one.refined(altitude), other.refined(altitude)
+    return [wind.refined(altitude) for wind in winds]

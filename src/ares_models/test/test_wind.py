@@ -137,7 +137,7 @@ def test_the_gradient_of_heating_knows_the_wind(r):
 
 def test_two_winds_by_the_knots_of_both_are_what_they_were():
     one, other = wind_profile(KNOTS), wind_profile([[0.0, 1.0, 1.0], [7e3, -4.0, 2.0]])
-    for before, after in zip((one, other), together(one, other), strict=True):
+    for before, after in zip((one, other), together((one, other)), strict=True):
         old, new = (AIR.environment["wind"].copy() for _ in range(2))
         before.write(old[0])
         after.write(new[0])
@@ -148,7 +148,8 @@ def test_two_winds_by_the_knots_of_both_are_what_they_were():
 
 
 def test_knots_of_two_winds_that_are_nearly_the_same_are_one():
-    one, other = together(wind_profile(KNOTS), wind_profile([[1e-320, 1.0, 1.0], [5e3, 2.0, 2.0]]))
+    near = [[1e-320, 1.0, 1.0], [5e3, 2.0, 2.0]]
+    one, other = together((wind_profile(KNOTS), wind_profile(near)))
     assert one.altitude.tolist() == other.altitude.tolist()
     assert np.diff(one.altitude).min() > 1.0
     assert np.isfinite(other.cubic).all()

@@ -211,6 +211,7 @@ GustSpeed = Annotated[Spreads, SpreadRange(50.0, components=1)]
 GustAltitude = Annotated[Spreads, SpreadRange(1e4, least=0.0, components=1)]
 GustLength = Annotated[Spreads, SpreadRange(1e3, least=0.0, components=1)]
 Azimuth = Annotated[Spreads, SpreadRange(72.0, components=1)]
+TurbulenceScale = Annotated[float, Range(10.0, 1e4)]
 LengthNoise = Annotated[float, Range(0.0, 1e6)]
 SpeedNoise = Annotated[float, Range(0.0, 1e4)]
 SmallSigma = Annotated[float, Range(0.0, 0.2)]
@@ -284,6 +285,20 @@ class Gust(Part):
     )
 
 
+class Turbulence(Part):
+    """Hold Dryden turbulence of the horizontal wind, drawn anew for each flight."""
+
+    table: WindTable = Field(
+        description="knots [metres of altitude, metres per second to the east, to the north]"
+    )
+    scale_m: TurbulenceScale = Field(default=533.4, description="scale of length of the turbulence")
+
+    @model_validator(mode="after")
+    def _rising(self) -> "Turbulence":
+        check_rising("table", self.table, MIN_WIND_STEP_M, "an altitude")
+        return self
+
+
 class Dispersions(Part):
     """Hold the distributions of the truth about the mission file, and of navigation errors.
 
@@ -326,6 +341,9 @@ class Dispersions(Part):
     )
     wind: Winds | None = Field(default=None, description="winds that are added to the mission's")
     gust: Gust | None = Field(default=None, description="one gust a flight")
+    turbulence: Turbulence | None = Field(
+        default=None, description="turbulence of the horizontal wind"
+    )
     start_delay_s: Times = Field(
         default=NOTHING, description="from ignition command to the first knot of the start"
     )
@@ -393,6 +411,7 @@ def _siblings(location: KeyPath) -> list[str]:
         "nrlmsis": Nrlmsis,
         "wind": Winds,
         "gust": Gust,
+        "turbulence": Turbulence,
     }
     return list(parts.get(location[0] if len(location) > 1 else "", Dispersions).model_fields)
 

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MAX_KNOTS
+from ares_models.arrays import MAX_KNOTS, MAX_STIRRED_LAYERS
 from ares_models.atmosphere import nrlmsis_tables
 from ares_models.mission import Mission
 from ares_models.mission_keys import GEOMAGNETIC_INDEX, SOLAR_FLUX
+from ares_models.splines import hermite_table, monotone_slopes
 from ares_models.wind import WindProfile, together, wind_profile
 from ares_vehicle_sim.arrays import VARIATION
 from ares_vehicle_sim.dispersions import (
@@ -97,6 +98,10 @@ ALTITUDE_KM = np.concatenate(
 LEAST_F107 = 50.0
 #: Least length of a gust, m.
 LEAST_GUST_M = 10.0
+#: Least altitude up to which turbulence has layers, m.
+LEAST_STIRRED_M = 1000.0
+#: What is added to the correlation of knots with themselves, for knots close together.
+ROOT_SHIFT = 1e-9
 DAY_S = 86_400.0
 
 AXES = {"eci": ("x", "y", "z"), "local": ("up", "downrange", "crossrange")}
@@ -138,13 +143,10 @@ class _Quantity:
 
     def values(self, words: Words) -> Array:
         """Convert random words to values, both of shape (n, components)."""
-        from scipy.special import ndtri  # slow to import
-
-        uniform = ((words >> SPARE_BITS).astype(np.float64) + 0.5) * STEP
         spreads = self.spreads * (self.size if len(self.spreads) == 1 else 1)
-        values = np.empty_like(uniform)
+        values = np.empty(words.shape)
         for k, spread in enumerate(spreads):
-            x = 2.0 * uniform[:, k] - 1.0 if spread.even else ndtri(uniform[:, k])
+            x = 2.0 * _uniform(words[:, k]) - 1.0 if spread.even else _normal(words[:, k])
             values[:, k] = spread.centre + spread.size * x
         return values
 
@@ -174,7 +176,7 @@ class Sampler:
         self._atmosphere = mission.atmosphere().table[None]
         self._axes = _axes(mission, dispersions.initial_frame)
         self._root = dispersions.initial_root()
-        self._winds = _winds(mission, dispersions)
+        self._winds = _Winds.of(mission, dispersions)
         self._quantities = _quantities(mission, dispersions)
         if self._quantities and find_spec("scipy") is None:
             problem = "they need the Python package scipy, which is not installed"
@@ -227,7 +229,7 @@ class Sampler:
             else:
                 field[:, : values.shape[1]] = values
         if self._winds is not None:
-            _blow(self._winds, drawn, variations)
+            self._winds.write(drawn, variations, self._seed, first)
         navigation = self._dispersions.navigation
         errors = variations["errors"]
         errors["active"] = navigation != NavigationErrors()
@@ -320,43 +322,102 @@ def _axes(mission: Mission, frame: str) -> Array:
     return np.array([up, np.cross(crossrange, up), crossrange])
 
 
-def _winds(mission: Mission, dispersions: Dispersions) -> tuple[WindProfile, WindProfile] | None:
-    """Return the wind of the mission and what is added, by the same knots; None: nothing blows."""
-    if dispersions.wind is None and dispersions.gust is None:
-        return None
-    calm = ((0.0, 0.0, 0.0),)
-    added = calm if dispersions.wind is None else dispersions.wind.table
-    given = mission.environment.atmosphere.wind_table or calm
-    return together(wind_profile(given), wind_profile(added))
+@dataclass(frozen=True)
+class _Winds:
+    """Hold what blows, by the same knots.
+
+    Attributes:
+        mean: wind of the mission.
+        added: what is added to it, times drawn factors.
+        sigma: one sigma of the turbulence, m/s.
+        root: shape (n, n), lower triangular: its square is the correlation of the turbulence at
+            the knots; None: there is none.
+        layers: altitudes of the layers of the turbulence, m.
+    """
+
+    mean: WindProfile
+    added: WindProfile
+    sigma: WindProfile
+    root: Array | None = None
+    layers: Array | None = None
+
+    @classmethod
+    def of(cls, mission: Mission, dispersions: Dispersions) -> "_Winds | None":
+        """Put together the wind of a mission and the dispersed one; None: nothing is dispersed."""
+        wind, turbulence = dispersions.wind, dispersions.turbulence
+        if wind is None and turbulence is None and dispersions.gust is None:
+            return None
+        calm = ((0.0, 0.0, 0.0),)
+        parts = [
+            wind_profile(mission.environment.atmosphere.wind_table or calm),
+            wind_profile(calm if wind is None else wind.table),
+            wind_profile(calm if turbulence is None else turbulence.table),
+        ]
+        if turbulence is None:
+            mean, added, sigma = together(parts)
+            return cls(mean, added, sigma)
+        ends = turbulence.table[0][0], turbulence.table[-1][0]
+        layers = np.linspace(min(0.0, ends[0]), max(ends[1], LEAST_STIRRED_M), MAX_STIRRED_LAYERS)
+        mean, added, sigma = together(parts, layers)
+        apart = np.abs(np.subtract.outer(sigma.altitude, sigma.altitude)) / turbulence.scale_m
+        correlation = np.exp(-apart) * (1.0 - 0.5 * apart)
+        root = np.linalg.cholesky(correlation + ROOT_SHIFT * np.eye(len(correlation)))
+        return cls(mean, added, sigma, np.asarray(root, dtype=np.float64), layers)
+
+    def write(
+        self, drawn: dict[str, Array], variations: NDArray[np.void], seed: int, first: int
+    ) -> None:
+        """Write the winds of flights from ``first`` on, with gust and turbulence."""
+        variations["windy"] = 1
+        wind = variations["wind"]
+        knots = len(self.mean.altitude)
+        wind["knots"] = knots
+        wind["altitude"][:, :knots] = self.mean.altitude
+        cubic = wind["cubic"][:, :, :knots]
+        cubic[:] = self.mean.cubic
+        if "wind.factor" in drawn:
+            cubic += drawn["wind.factor"][:, :, None, None] * self.added.cubic
+        if self.root is not None and self.layers is not None:
+            cubic += self._stirred(self.root, seed, first, len(variations))
+            wind["stirred_below"] = self.layers[-1]
+            wind["stirred_step"] = 0.5 * (self.layers[1] - self.layers[0])
+        if "gust.amplitude_m_s" not in drawn:
+            return
+        nothing = np.zeros((len(variations), 1))
+        amplitude, altitude, length, azimuth = (
+            drawn.get(f"gust.{key}", nothing)[:, 0]
+            for key in ("amplitude_m_s", "altitude_m", "length_m", "azimuth_deg")
+        )
+        towards = np.radians(azimuth)
+        wind["gust"] = amplitude[:, None] * np.stack((np.sin(towards), np.cos(towards)), axis=1)
+        wind["gust_altitude"] = altitude
+        wind["gust_length"] = np.maximum(length, LEAST_GUST_M)
+
+    def _stirred(self, root: Array, seed: int, first: int, count: int) -> Array:
+        """Draw the cubics of the turbulence, shape (count, 2, n, 4)."""
+        altitude = self.sigma.altitude
+        words = _philox_words(seed, "turbulence", 2 * len(altitude), first, count)
+        normal = _normal(words).reshape(count, 2, -1)
+        value = np.zeros_like(normal)
+        # term by term, as in `Sampler._correlate`
+        for k in range(len(altitude)):
+            value += normal[:, :, k : k + 1] * root[:, k]
+        value *= self.sigma.value
+        slope = monotone_slopes(altitude, value)
+        slope[..., [0, -1]] = 0.0
+        return hermite_table(altitude, value, slope)[..., 1:]
 
 
-def _blow(
-    winds: tuple[WindProfile, WindProfile],
-    drawn: dict[str, Array],
-    variations: NDArray[np.void],
-) -> None:
-    """Write the winds of flights: the mission's, what is drawn beside it, and the gust."""
-    mean, added = winds
-    variations["windy"] = 1
-    wind = variations["wind"]
-    knots = len(mean.altitude)
-    wind["knots"] = knots
-    wind["altitude"][:, :knots] = mean.altitude
-    cubic = wind["cubic"][:, :, :knots]
-    cubic[:] = mean.cubic
-    if "wind.factor" in drawn:
-        cubic += drawn["wind.factor"][:, :, None, None] * added.cubic
-    if "gust.amplitude_m_s" not in drawn:
-        return
-    nothing = np.zeros((len(variations), 1))
-    amplitude, altitude, length, azimuth = (
-        drawn.get(f"gust.{key}", nothing)[:, 0]
-        for key in ("amplitude_m_s", "altitude_m", "length_m", "azimuth_deg")
-    )
-    towards = np.radians(azimuth)
-    wind["gust"] = amplitude[:, None] * np.stack((np.sin(towards), np.cos(towards)), axis=1)
-    wind["gust_altitude"] = altitude
-    wind["gust_length"] = np.maximum(length, LEAST_GUST_M)
+def _uniform(words: Words) -> Array:
+    """Convert random words to numbers between 0 and 1."""
+    return ((words >> SPARE_BITS).astype(np.float64) + 0.5) * STEP
+
+
+def _normal(words: Words) -> Array:
+    """Convert random words to standard normal numbers."""
+    from scipy.special import ndtri  # slow to import
+
+    return np.asarray(ndtri(_uniform(words)))
 
 
 def _slugs(names: Sequence[str]) -> tuple[str, ...]:

@@ -89,6 +89,10 @@ ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
             "gust: {amplitude_m_s: 300, altitude_m: 1, length_m: 1}",
             "line 1: gust.amplitude_m_s is 300; expected a number of 0 to 50",
         ),
+        (
+            "turbulence: {table: [[0, 1, 1]], scale_m: 1}",
+            "line 1: turbulence.scale_m is 1; expected a number from 10 to 10000 in m",
+        ),
         ("draws: dice", "line 1: draws is 'dice'; expected one of 'random' or 'sobol'"),
         ("j2: true", "line 1: j2 is true; expected a number"),
         (MSIS.format("2009-01-01", 4), "line 1: nrlmsis.last_date is '2009-01-01 00:00:00+00:00';"),

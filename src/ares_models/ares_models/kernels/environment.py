@@ -160,9 +160,13 @@ def table_at(
         return cubics[0, 0], 0.0
     if x >= places[last]:
         return cubics[last, 0], 0.0
-    k = 0
-    while k < last - 1 and x >= places[k + 1]:
-        k += 1
+    k, above = 0, last
+    while above - k > 1:
+        middle = (k + above) // 2
+        if x >= places[middle]:
+            k = middle
+        else:
+            above = middle
     y = x - places[k]
     c1, c2, c3 = cubics[k, 1], cubics[k, 2], cubics[k, 3]
     value: float = cubics[k, 0] + y * (c1 + y * (c2 + y * c3))

@@ -231,15 +231,19 @@ def note_loads(mission: MissionRecords, plant: Record) -> None:
 
 @kernel
 def gust_step(mission: MissionRecords, plant: Record, span: float) -> float:
-    """Return the longest step, s, that resolves a gust that may be met within ``span`` s."""
+    """Return the longest step, s, that resolves gust and turbulence met within ``span`` s."""
     wind = mission.environment.wind
-    if wind.gust_length == 0.0:
+    if wind.gust_length == 0.0 and wind.stirred_step == 0.0:
         return math.inf
     climb = abs(dot(load(plant.velocity), unit(load(plant.position))))
+    reach = span * (climb + span * MOST_CLIMB_CHANGE)
+    layer = math.inf
+    if wind.stirred_step > 0.0 and plant.altitude - reach < wind.stirred_below:
+        layer = wind.stirred_step
     away = abs(plant.altitude - wind.gust_altitude) - 0.5 * wind.gust_length
-    if away > span * (climb + span * MOST_CLIMB_CHANGE):
-        return math.inf
-    return float(wind.gust_length / (GUST_STEPS * max(climb, 1.0)))
+    if wind.gust_length > 0.0 and away < reach:
+        layer = min(layer, wind.gust_length / GUST_STEPS)
+    return float(layer / max(climb, 1.0))
 
 
 @kernel
