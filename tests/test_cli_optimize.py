@@ -13,7 +13,7 @@ import pytest
 
 from ares_bringup.commands.cli import main
 from ares_bringup.commands.optimize import proof_facts
-from ares_models.mission import load_mission
+from ares_models.mission import MISSION, load_mission
 from ares_optimizer.solution import Check, ConstraintCheck
 from ares_optimizer.solve import solve
 
@@ -143,6 +143,18 @@ def test_the_greatest_dynamic_pressure_is_told(capsys):
     turning = np.array([0.0, 0.0, mission.earth().rotation_rate])
     relative = track.velocity[k] - np.cross(turning, track.position[k])
     assert np.linalg.norm(relative) == pytest.approx(speed, rel=0.01)
+
+
+def test_the_wind_of_the_plan_is_told(tmp_path, capsys):
+    text = MISSION.find("delta_iii_pad").read_text()
+    table = "wind_table: [[0.0, 3.0, 4.0], [12000.0, -40.0, 30.0]]"
+    path = tmp_path / "windy.yaml"
+    path.write_text(text.replace("scale_height_m: 7200.0", f"scale_height_m: 7200.0\n    {table}"))
+    assert main(["optimize", "--mission", str(path)]) == 0
+    line = "planned in the wind of the mission: up to 50.0 m/s at 12.0 km"
+    assert line in capsys.readouterr().out.splitlines()
+    assert main(["optimize", "--mission", "delta_iii_pad"]) == 0
+    assert "wind" not in capsys.readouterr().out
 
 
 def test_no_dynamic_pressure_is_told_of_a_flight_above_the_air(capsys):

@@ -235,7 +235,12 @@ def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
     pressures = 0.5 * densities * speeds**2
     k = int(np.argmax(pressures))
     place = f"at {track.time_s[k]:.1f} s and {heights[k] / 1e3:.1f} km"
-    return {"greatest dynamic pressure": f"{pressures[k] / 1e3:.2f} kPa {place}"}
+    facts = {"greatest dynamic pressure": f"{pressures[k] / 1e3:.2f} kPa {place}"}
+    if knots := mission.environment.atmosphere.wind_table:
+        height, *most = max(knots, key=lambda knot: math.hypot(*knot[1:]))
+        strongest = f"up to {math.hypot(*most):.1f} m/s at {height / 1e3:.1f} km"
+        facts["planned in the wind of the mission"] = strongest
+    return facts
 
 
 def plain_table(first: str, *columns: str) -> Table:
