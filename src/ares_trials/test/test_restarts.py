@@ -58,7 +58,7 @@ def test_a_plan_of_the_arcs_left_serves_its_flight_alone():
     law = make_law("peg", mission.arrays(foreseen=True))
     whole = arc_plan(mission, law.kind, first)
     assert whole.first_arc == 0
-    left = replace(whole, lengths_s={1: whole.lengths_s[1]}, first_arc=1)
+    left = replace(whole, lengths_s={1: whole.lengths_s[1]}, first_arc=1, resumes=True)
     with pytest.raises(ValueError, match="length of arc 0 is nan; expected 0 s or more"):
         law.follow_arcs(replace(left, first_arc=0))
     law.follow_arcs(whole)
