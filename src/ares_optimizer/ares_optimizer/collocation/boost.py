@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionArrays
 from ares_models.kernels.boost import is_over
+from ares_models.kernels.sequence import SAME_TIME
 from ares_models.plans import flies_open_loop
 from ares_optimizer.collocation import rollout
 from ares_optimizer.kernels import timetable
@@ -131,6 +132,8 @@ def _state_at_end(
         found["arc"] = k
         found["arc_start_time"] = track[int(np.argmax(flown == k)), rollout.TIME]
     lit = arcs["kind"][flown] == BURN
+    # at an event there are two rows: what drops just then is off in the second only
+    passed = len(track) > 1 and now - track[-2, rollout.TIME] < SAME_TIME
     for j, jettison in enumerate(arrays.jettisons):
         at = drops[j]
         if jettison["criterion"] == MISSION_TIME:
@@ -140,6 +143,8 @@ def _state_at_end(
             at = math.inf
             if burns.any():
                 at = float(track[int(np.argmax(burns)), rollout.TIME] + jettison["value"])
-        if at <= now or arcs["stage"][k] > jettison["stage"]:
+        due_now = abs(at - now) < SAME_TIME
+        off = passed if due_now else at < now
+        if off or arcs["stage"][k] > jettison["stage"]:
             found["jettisoned"] |= 1 << j
     return found

@@ -17,8 +17,8 @@ from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.table import Verdict
 from ares_vehicle_sim.simulator import true_vehicle
 
-#: Wall time limit of one solution, s; an optimum takes some 10 ms, one through the air 1 s, and more
-#: beside other work, which must not change the answer.
+#: Wall time limit of one solution, s; an optimum takes some 10 ms, one through the air 1 s, and
+#: more beside other work, which must not change the answer.
 TIME_LIMIT = 30.0
 
 
