@@ -14,7 +14,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_optimizer.auto import solve_auto
-from ares_optimizer.collocation.boost import after_boost
+from ares_optimizer.collocation.boost import after_boost, boost_checks
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
@@ -22,6 +22,7 @@ from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
 from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
 from ares_optimizer.methods import find_method
+from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import (
     free_arcs,
     held_ahead,
@@ -42,6 +43,7 @@ from ares_optimizer.registry import (
 from ares_optimizer.request import Heating, Request, arrays_and_state, hold_jettisons
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
+    ConstraintCheck,
     OptimizerError,
     Solution,
     Status,
@@ -102,7 +104,8 @@ def solve(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"
         )
     arrays, state = arrays_and_state(mission, state)
-    state = after_boost(arrays, state)
+    start, state = state, after_boost(arrays, state)
+    flown = () if state is start else boost_checks(arrays, start)
     if time_limit_s is not None and not time_limit_s >= 0.0:
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
     if jettison_times:
@@ -110,7 +113,23 @@ def solve(
     with deadline or Deadline(time_limit_s) as deadline:
         request = Request(arrays, state, method, Heating(heating), deadline, guess, verify)
         _check_arcs(request)
-        return _with_arcs(request, _above_floors(request, _solve(request)))
+        solution = _with_arcs(request, _above_floors(request, _solve(request)))
+    return _with_programme(solution, flown)
+
+
+def _with_programme(solution: Solution, flown: tuple[ConstraintCheck, ...]) -> Solution:
+    """Return a solution with the pressure limits of the programme before it."""
+    by_name = {check.name: check for check in flown}
+    constraints = tuple(
+        max(check, by_name.get(check.name, check), key=lambda one: one.value)
+        for check in solution.constraints
+    )
+    solution = replace(solution, constraints=constraints)
+    broken = tuple(check for check in flown if not check.satisfied)
+    if not broken or not solution.converged:
+        return solution
+    reason = f"the programme of the file passes a limit: {check_obstacle(broken[:1])}"
+    return replace(solution, status=Status.FEASIBLE, reason=reason)
 
 
 def _solve(request: Request) -> Solution:

@@ -13,7 +13,7 @@ from ares_models.kernels.boost import boost_direction, horizon
 from ares_models.kernels.environment import altitude, relative_velocity
 from ares_models.mission import load_mission, parse_mission
 from ares_optimizer.collocation.boost import after_boost
-from ares_optimizer.solution import OptimizerError, UnfitMethod
+from ares_optimizer.solution import OptimizerError, Status, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
@@ -189,6 +189,47 @@ def test_the_optimum_is_that_of_what_the_programme_leaves(optimum):
     free = solve(mission(""), "auto")
     assert free.converged
     assert optimum.m_f_kg < free.m_f_kg
+
+
+def test_what_drops_as_the_programme_ends_is_off_in_the_plan():
+    fairing = (
+        "\njettisons:\n  - {name: fairing, mass_kg: 200.0, stage: first, time_s: 100.0}\ntarget:"
+    )
+    ends = [
+        after_boost(made.arrays(), made.start().navigation())
+        for until in (99.9, 100.0, 100.1)
+        for made in [
+            mission(
+                end=("until: {end_of: first}", f"until: {{time_s: {until}}}"),
+                drop=("\ntarget:", fairing),
+            )
+        ]
+    ]
+    before, at, after = (float(end["mass"][0]) for end in ends)
+    # the programme ends within a step of 0.025 s
+    flow, step = 40000.0 / 152.9, 7.0
+    assert before - after == pytest.approx(200.0 + 0.2 * flow, abs=step)
+    # the part is off and its mass too, or neither is
+    on = ends[1]["jettisoned"][0] == 0
+    assert at - after == pytest.approx(0.1 * flow + 200.0 * on, abs=step)
+    assert ends[2]["jettisoned"][0] == 1
+
+
+def test_a_limit_that_the_programme_passes_is_told(optimum):
+    edit = ("    exit_area_m2: 0.9", "    exit_area_m2: 0.9\n    max_dynamic_pressure_pa: {}")
+    low, high = (
+        solve(mission(limit=(edit[0], edit[1].format(limit))), "auto") for limit in (5e3, 2e5)
+    )
+    assert high.converged
+    assert high.m_f_kg == pytest.approx(optimum.m_f_kg, rel=1e-6)
+    row = next(c for c in high.constraints if c.name == "dynamic pressure of stage 0")
+    assert row.satisfied
+    assert 5e3 < row.value < 2e5
+    assert low.status is Status.FEASIBLE
+    assert low.reason.startswith("the programme of the file passes a limit: dynamic pressure")
+    same = next(c for c in low.constraints if c.name == "dynamic pressure of stage 0")
+    assert not same.satisfied
+    assert same.value == pytest.approx(row.value)
 
 
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])

@@ -235,7 +235,8 @@ def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
     pressures = 0.5 * densities * speeds**2
     k = int(np.argmax(pressures))
     place = f"at {track.time_s[k]:.1f} s and {heights[k] / 1e3:.1f} km"
-    facts = {"greatest dynamic pressure": f"{pressures[k] / 1e3:.2f} kPa {place}"}
+    # at the first state it was greater before, in a programme of the file
+    facts = {"greatest dynamic pressure": f"{pressures[k] / 1e3:.2f} kPa {place}"} if k else {}
     if knots := mission.environment.atmosphere.wind_table:
         height, *most = max(knots, key=lambda knot: math.hypot(*knot[1:]))
         strongest = f"up to {math.hypot(*most):.1f} m/s at {height / 1e3:.1f} km"

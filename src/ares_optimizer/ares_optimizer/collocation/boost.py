@@ -13,7 +13,8 @@ from ares_models.plans import flies_open_loop
 from ares_optimizer.collocation import rollout
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, longest_burn
-from ares_optimizer.solution import OptimizerError, UnfitMethod
+from ares_optimizer.proof.checks import programme_checks
+from ares_optimizer.solution import ConstraintCheck, OptimizerError, UnfitMethod
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,26 @@ def after_boost(arrays: MissionArrays, state: NDArray[np.void]) -> NDArray[np.vo
         raise UnfitMethod(
             "programme has no until: it flies the whole mission, and nothing is left to optimize"
         )
+    drops, track = _flown(arrays, state)
+    return _state_at_end(arrays, state, drops, track)
+
+
+def boost_checks(arrays: MissionArrays, state: NDArray[np.void]) -> tuple[ConstraintCheck, ...]:
+    """Return the checks of the pressure limits along a mission's boost programme.
+
+    Args: as in :func:`after_boost`, which has found the end of the programme.
+    """
+    _, track = _flown(arrays, state)
+    states = tuple(
+        track[:, at : at + 3] for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION)
+    )
+    lit = arrays.arcs["kind"][track[:, rollout.ARC].astype(np.int64)] == BURN
+    r, v, u = (each[lit] for each in states)
+    return programme_checks(arrays, (r, v, u), track[lit, rollout.ARC].astype(np.int64))
+
+
+def _flown(arrays: MissionArrays, state: NDArray[np.void]) -> tuple[Array, Array]:
+    """Fly the programme; return the times of its heating jettisons, s, and its track."""
     drops: Array = np.full(len(arrays.jettisons), math.inf)
     track = _fly(arrays, state, drops)
     for _ in arrays.jettisons:
@@ -52,7 +73,7 @@ def after_boost(arrays: MissionArrays, state: NDArray[np.void]) -> NDArray[np.vo
             break
         drops = due
         track = _fly(arrays, state, drops)
-    return _state_at_end(arrays, state, drops, track)
+    return drops, track
 
 
 def _fly(arrays: MissionArrays, state: NDArray[np.void], drops: Array) -> Array:

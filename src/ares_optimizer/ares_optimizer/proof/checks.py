@@ -117,7 +117,7 @@ def pressure_peaks(
         key: DYNAMIC_PRESSURE, Pa, or Q_ALPHA, Pa rad.
     """
     arcs = arrays.arcs
-    name = "max_dynamic_pressure" if key is Check.DYNAMIC_PRESSURE else "max_q_alpha"
+    name = _LIMITS[key]
     peaks = {}
     for stage in np.unique(arcs["stage"]):
         own = np.flatnonzero(arcs["stage"] == stage)
@@ -139,16 +139,52 @@ _PRESSURES = (
 )
 
 
+#: Their limits, as fields of an arc.
+_LIMITS = {Check.DYNAMIC_PRESSURE: "max_dynamic_pressure", Check.Q_ALPHA: "max_q_alpha"}
+
+
 def _peak(arrays: MissionArrays, piece: Piece, key: Check) -> float:
     """Return the greatest dynamic pressure, Pa, or q alpha, Pa rad, of a piece."""
     count = max(2, math.ceil(_PER_S * (piece.end - piece.begin)))
     times = np.linspace(piece.begin, piece.end, count)
     states = piece.state(times).T
-    r, v = states[:, :3], states[:, 3:6]
+    u = np.array([piece.direction(t) for t in times]) if key is Check.Q_ALPHA else np.empty(0)
+    return _most(arrays, key, (states[:, :3], states[:, 3:6], u))
+
+
+def _most(arrays: MissionArrays, key: Check, states: tuple[Array, Array, Array]) -> float:
+    """Return the greatest pressure of some positions, velocities and thrust directions."""
+    r, v, u = states
     if key is Check.DYNAMIC_PRESSURE:
         return float(dynamic_pressure(r, v, arrays).max())
-    u = np.array([piece.direction(t) for t in times])
     return float(q_alpha(r, v, u, arrays).max())
+
+
+def programme_checks(
+    arrays: MissionArrays, states: tuple[Array, Array, Array], arcs: NDArray[np.int64]
+) -> tuple[ConstraintCheck, ...]:
+    """Return the checks of the pressure limits in what a boost programme has flown.
+
+    Args:
+        arrays: the mission.
+        states: positions, m, velocities, m/s, and thrust directions, shape (n, 3) each.
+        arcs: arc of each state, shape (n,).
+    """
+    r, v, u = states
+    checks = []
+    for key, name, unit in _PRESSURES:
+        for stage in np.unique(arrays.arcs["stage"][arcs]):
+            own = arrays.arcs["stage"][arcs] == stage
+            first = arrays.arcs[np.flatnonzero(arrays.arcs["stage"] == stage)[0]]
+            limit = float(first[_LIMITS[key]])
+            if math.isfinite(limit):
+                most = _most(arrays, key, (r[own], v[own], u[own]))
+                checks.append(
+                    _at_most(
+                        key, f"{name} of stage {stage}", most, limit, unit, PRESSURE_SHARE * limit
+                    )
+                )
+    return tuple(checks)
 
 
 def _target_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
