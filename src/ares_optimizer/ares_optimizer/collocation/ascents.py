@@ -81,10 +81,19 @@ def _state_after(start: NDArray[np.void], ascent: FoundOptimum) -> NDArray[np.vo
     after["time"] = node_times(program, program.time * x[program.lengths])[-1]
     after["arc_start_time"] = times.cutoff
     after["arc"] = len(program.arrays.arcs)
-    dropped = jettison_times(program.arrays, start[0], program.segments, times.drops, times.cutoff)
-    for j in np.flatnonzero(np.isfinite(dropped)):
+    for j in np.flatnonzero(_dropped(ascent)):
         after["jettisoned"] |= 1 << int(j)
     return after
+
+
+def _dropped(ascent: FoundOptimum) -> NDArray[np.bool_]:
+    """Return for each jettison of the mission if it is part of an ascent."""
+    program = ascent.program
+    times = times_of(program, ascent.point.x)
+    start = program.start[0]
+    return np.isfinite(
+        jettison_times(program.arrays, start, program.segments, times.drops, times.cutoff)
+    )
 
 
 def _joined(pilot: Pilot, ascent: FoundOptimum, trial: TrialFlight) -> TrialFlight:
@@ -92,7 +101,7 @@ def _joined(pilot: Pilot, ascent: FoundOptimum, trial: TrialFlight) -> TrialFlig
     program, x = ascent.program, ascent.point.x
     times = times_of(program, x)
     burn = times.cutoff - last_begin(program.arrays, pilot.start[0], times.lengths)
-    before = times.drops < times.cutoff
+    before = _dropped(ascent)[program.waiting_for_heating]
     drops = np.where(before, times.drops, 0.0)
     drops[~before] = trial.times.drops
     lengths = np.concatenate((times.lengths, [burn], trial.times.lengths))
