@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, MissionArrays, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
 
 Array = NDArray[np.float64]
 
@@ -75,6 +75,20 @@ def held_ahead(arrays: MissionArrays, start: Record) -> list[int]:
         start: record NAVIGATION.
     """
     return [int(k) for k in np.flatnonzero(arrays.arcs["held"]) if k >= int(start["arc"])]
+
+
+def waiting_for_heating(arrays: MissionArrays, start: Record) -> list[int]:
+    """Return the jettisons to come that wait for the heating, in the order of the file.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+    """
+    return [
+        j
+        for j, jettison in enumerate(arrays.jettisons)
+        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"]) >> j) & 1
+    ]
 
 
 def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> MissionArrays:

@@ -14,7 +14,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_optimizer.auto import solve_auto
-from ares_optimizer.collocation.boost import after_boost, boost_checks
+from ares_optimizer.collocation.boost import after_boost
 from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
@@ -104,8 +104,7 @@ def solve(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"
         )
     arrays, state = arrays_and_state(mission, state)
-    start, state = state, after_boost(arrays, state)
-    flown = () if state is start else boost_checks(arrays, start)
+    state, flown = after_boost(arrays, state)
     if time_limit_s is not None and not time_limit_s >= 0.0:
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
     if jettison_times:

@@ -12,7 +12,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.plans import flies_open_loop
 from ares_optimizer.collocation import rollout
 from ares_optimizer.kernels import timetable
-from ares_optimizer.plan import free_arcs, longest_burn
+from ares_optimizer.plan import free_arcs, longest_burn, waiting_for_heating
 from ares_optimizer.proof.checks import programme_checks
 from ares_optimizer.solution import ConstraintCheck, OptimizerError, UnfitMethod
 
@@ -26,8 +26,12 @@ _LONGEST_COAST_S = 1e4
 _PAST_PEAK = 0.9
 
 
-def after_boost(arrays: MissionArrays, state: NDArray[np.void]) -> NDArray[np.void]:
+def after_boost(
+    arrays: MissionArrays, state: NDArray[np.void]
+) -> tuple[NDArray[np.void], tuple[ConstraintCheck, ...]]:
     """Return the state at the end of a mission's boost programme, or the given one after it.
+
+    With it come the checks of the pressure limits along the programme.
 
     Args:
         arrays: the mission.
@@ -40,27 +44,23 @@ def after_boost(arrays: MissionArrays, state: NDArray[np.void]) -> NDArray[np.vo
     start, environment = state[0], arrays.environment[0]
     r, v = tuple(start["position"].tolist()), tuple(start["velocity"].tolist())
     if is_over(float(start["time"]), r, v, int(start["arc"]), environment):
-        return state
+        return state, ()
     if flies_open_loop(environment):
         raise UnfitMethod(
             "programme has no until: it flies the whole mission, and nothing is left to optimize"
         )
     drops, track = _flown(arrays, state)
-    return _state_at_end(arrays, state, drops, track)
+    return _state_at_end(arrays, state, drops, track), _checks(arrays, track)
 
 
-def boost_checks(arrays: MissionArrays, state: NDArray[np.void]) -> tuple[ConstraintCheck, ...]:
-    """Return the checks of the pressure limits along a mission's boost programme.
-
-    Args: as in :func:`after_boost`, which has found the end of the programme.
-    """
-    _, track = _flown(arrays, state)
-    states = tuple(
-        track[:, at : at + 3] for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION)
+def _checks(arrays: MissionArrays, track: Array) -> tuple[ConstraintCheck, ...]:
+    """Return the checks of the pressure limits along the burns of a track."""
+    arcs = track[:, rollout.ARC].astype(np.int64)
+    lit = arrays.arcs["kind"][arcs] == BURN
+    r, v, u = (
+        track[lit, at : at + 3] for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION)
     )
-    lit = arrays.arcs["kind"][track[:, rollout.ARC].astype(np.int64)] == BURN
-    r, v, u = (each[lit] for each in states)
-    return programme_checks(arrays, (r, v, u), track[lit, rollout.ARC].astype(np.int64))
+    return programme_checks(arrays, (r, v, u), arcs[lit])
 
 
 def _flown(arrays: MissionArrays, state: NDArray[np.void]) -> tuple[Array, Array]:
@@ -79,11 +79,7 @@ def _flown(arrays: MissionArrays, state: NDArray[np.void]) -> tuple[Array, Array
 def _fly(arrays: MissionArrays, state: NDArray[np.void], drops: Array) -> Array:
     """Fly the programme, with heating jettisons at given times, s; return its track."""
     arcs, start = arrays.arcs, state[0]
-    waiting = [
-        j
-        for j, jettison in enumerate(arrays.jettisons)
-        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"]) >> j) & 1
-    ]
+    waiting = waiting_for_heating(arrays, start)
     ends, now = [], float(start["arc_start_time"])
     free = free_arcs(arrays, start)
     for k in range(int(start["arc"]), len(arcs)):

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_optimizer.collocation.arrays import GUIDED, HELD_ATTITUDE
-from ares_optimizer.collocation.guess import node_times
+from ares_optimizer.collocation.guess import node_times, variables_of_trial
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
-from ares_optimizer.kernels import timetable
 
 Array = NDArray[np.float64]
 #: Least length of an interval of which states are interpolated, s.
@@ -29,12 +28,7 @@ def carried_variables(program: CollocationProgram, old: CollocationProgram, x: A
         old: the other program, which may have its events in another order.
         x: variables of the other program.
     """
-    out = np.zeros(program.size)
-    pieces = program.segments
-    for p, piece in enumerate(pieces):
-        out[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
-        out[program.masses[p]] = float(piece["mass"]) / program.mass
-        out[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
+    out = variables_of_trial(program)
     then, now = _times(old, x), node_times(program)
     states = _states_at(old, then, x[: 6 * old.nodes].reshape(-1, 6), now)
     states[0] = program.start_state

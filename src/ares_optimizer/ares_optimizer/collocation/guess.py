@@ -534,13 +534,7 @@ def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
         program: transcribed for the times of the flight.
         trial: the flight.
     """
-    x = np.zeros(program.size)
-    pieces = program.segments
-    for p, piece in enumerate(pieces):
-        length = float(piece["end"] - piece["start"])
-        x[program.lengths[p]] = length / program.time
-        x[program.masses[p]] = float(piece["mass"]) / program.mass
-        x[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
+    x = variables_of_trial(program)
     times = node_times(program)
     track = trial.track
     _, rows = np.unique(track[:, rollout.TIME], return_index=True)
@@ -562,6 +556,16 @@ def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
         if point["control"] >= 0:
             at = int(point["control"])
             x[at : at + 3] = directions[int(point["node"] + point["number"])]
+    return x
+
+
+def variables_of_trial(program: CollocationProgram) -> Array:
+    """Return variables with the lengths and masses of the trial flight, and else 0."""
+    x = np.zeros(program.size)
+    for p, piece in enumerate(program.segments):
+        x[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
+        x[program.masses[p]] = float(piece["mass"]) / program.mass
+        x[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
     return x
 
 

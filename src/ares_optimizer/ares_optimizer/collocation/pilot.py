@@ -17,7 +17,6 @@ from scipy.optimize import least_squares
 from ares_models.arrays import (
     BURN,
     COAST,
-    HEATING_LIMIT,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
     TARGET_ELEMENTS,
@@ -33,7 +32,7 @@ from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.plan import free_arcs, longest_burn
+from ares_optimizer.plan import free_arcs, longest_burn, waiting_for_heating
 
 Array = NDArray[np.float64]
 _STEP_S = 8.0
@@ -145,11 +144,7 @@ class Pilot:
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)
         self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
-        self._waiting = [
-            j
-            for j, jettison in enumerate(arrays.jettisons)
-            if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
-        ]
+        self._waiting = waiting_for_heating(arrays, start[0])
 
     # ---- lengths and times
 

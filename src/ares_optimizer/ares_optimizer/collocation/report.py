@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ares_models.arrays import BURN, HEATING_LIMIT
+from ares_models.arrays import BURN
 from ares_models.floors import Floor
 from ares_models.judge import judge
 from ares_models.kernels.environment import heating_rate
@@ -173,12 +173,7 @@ def _unknowns(program: CollocationProgram, proven: Proven, times: FreeTimes) -> 
     arrays, start = program.arrays, program.start[0]
     size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
     unknowns = [*adjoint.by_velocity[0] / size, *adjoint.by_position[0] / size, times.cutoff]
-    waiting = [
-        j
-        for j, jettison in enumerate(arrays.jettisons)
-        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"]) >> j) & 1
-    ]
-    for j, at in zip(waiting, times.drops, strict=True):
+    for j, at in zip(program.waiting_for_heating, times.drops, strict=True):
         row = program.heating_rows.get(j)
         pi = 0.0 if row is None else float(point.multipliers[row]) * program.mass / size
         unknowns += [at, min(0.0, pi)]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
+from ares_models.arrays import BURN, MissionArrays, Record
 from ares_models.floors import Floor, orbits_of
 from ares_models.kernels.aerodynamics import is_in_air
 from ares_optimizer.collocation.arrays import (
@@ -41,7 +41,7 @@ from ares_optimizer.collocation.kernels import (
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage
+from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage, waiting_for_heating
 
 Array = NDArray[np.float64]
 
@@ -480,12 +480,7 @@ class CollocationProgram:
             rules.append((kind, node, rows.add(name, 0.0, INFINITE), 1, 0, control, level))
 
         #: Jettisons that wait for the heating, in the order of the file.
-        self.waiting_for_heating = [
-            j
-            for j, jettison in enumerate(self.arrays.jettisons)
-            if jettison["criterion"] == HEATING_LIMIT
-            and not (int(self.start["jettisoned"][0]) >> j) & 1
-        ]
+        self.waiting_for_heating = waiting_for_heating(self.arrays, self.start[0])
         self.heating_rows: dict[int, int] = {}
         for number, p in self.drop_ends.items():
             j = self.waiting_for_heating[number]

@@ -22,7 +22,7 @@ from ares_optimizer.indirect.solver import (
 )
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
-from ares_optimizer.plan import length_bounds, with_lengths
+from ares_optimizer.plan import length_bounds, waiting_for_heating, with_lengths
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
@@ -299,11 +299,7 @@ def _multipliers(
     per_unit: dict[tuple[Check, int | None], float] = {
         (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))
     }
-    heated = [
-        j
-        for j, jettison in enumerate(arrays.jettisons)
-        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
-    ]
+    heated = waiting_for_heating(arrays, start[0])
     if solver.options["heating"][0] == timetable.HEATING_OPTIMAL:
         for j, pi in zip(heated, root.pis, strict=True):
             per_unit[Check.HEATING_AT_JETTISON, j] = (
@@ -419,11 +415,7 @@ def verified(
         elif solver.options["propagator"][0] != RUNGE_KUTTA:
             reason = f"optimal in closed form, but flown exactly {broken}"
         cause = Cause(Status.INFEASIBLE, reason)
-    limits = [
-        float(jettison["value"])
-        for j, jettison in enumerate(arrays.jettisons)
-        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
-    ]
+    limits = [float(arrays.jettisons[j]["value"]) for j in waiting_for_heating(arrays, start[0])]
     guided = pieces["held"][flight[:, sample.PIECE].astype(np.int64)] == 0
     turn = np.cross(
         flight[:, sample.POSITION : sample.POSITION + 3],

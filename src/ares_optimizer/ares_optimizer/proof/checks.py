@@ -5,6 +5,7 @@
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -99,10 +100,17 @@ def constraint_table(
 
 def _pressure_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
     """Return the checks of the dynamic pressure and of q alpha, one per stage that limits it."""
+    return _limit_checks(lambda key: pressure_peaks(arrays, flight, key))
+
+
+def _limit_checks(
+    peaks: Callable[[Check], dict[int, tuple[float, float]]],
+) -> list[ConstraintCheck]:
+    """Return the checks of the pressure limits from peaks and limits of the stages."""
     return [
         _at_most(key, f"{name} of stage {stage}", most, limit, unit, PRESSURE_SHARE * limit)
         for key, name, unit in _PRESSURES
-        for stage, (most, limit) in pressure_peaks(arrays, flight, key).items()
+        for stage, (most, limit) in peaks(key).items()
     ]
 
 
@@ -116,20 +124,23 @@ def pressure_peaks(
         flight: from :func:`fly`.
         key: DYNAMIC_PRESSURE, Pa, or Q_ALPHA, Pa rad.
     """
-    arcs = arrays.arcs
-    name = _LIMITS[key]
     peaks = {}
-    for stage in np.unique(arcs["stage"]):
-        own = np.flatnonzero(arcs["stage"] == stage)
-        limit = float(arcs[own[0]][name])
-        if math.isfinite(limit):
-            values = [
-                _peak(arrays, piece, key)
-                for piece in flight.pieces
-                if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
-            ]
-            peaks[int(stage)] = max(values, default=0.0), limit
+    for stage, limit in _limits_of(arrays, key).items():
+        own = np.flatnonzero(arrays.arcs["stage"] == stage)
+        values = [
+            _peak(arrays, piece, key)
+            for piece in flight.pieces
+            if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
+        ]
+        peaks[stage] = max(values, default=0.0), limit
     return peaks
+
+
+def _limits_of(arrays: MissionArrays, key: Check) -> dict[int, float]:
+    """Return the limit of each stage that has one."""
+    stages, first = np.unique(arrays.arcs["stage"], return_index=True)
+    limits = arrays.arcs[_LIMITS[key]][first]
+    return {int(s): float(m) for s, m in zip(stages, limits, strict=True) if math.isfinite(m)}
 
 
 #: Kinds of pressure limits: check, name, unit.
@@ -171,20 +182,16 @@ def programme_checks(
         arcs: arc of each state, shape (n,).
     """
     r, v, u = states
-    checks = []
-    for key, name, unit in _PRESSURES:
-        for stage in np.unique(arrays.arcs["stage"][arcs]):
-            own = arrays.arcs["stage"][arcs] == stage
-            first = arrays.arcs[np.flatnonzero(arrays.arcs["stage"] == stage)[0]]
-            limit = float(first[_LIMITS[key]])
-            if math.isfinite(limit):
-                most = _most(arrays, key, (r[own], v[own], u[own]))
-                checks.append(
-                    _at_most(
-                        key, f"{name} of stage {stage}", most, limit, unit, PRESSURE_SHARE * limit
-                    )
-                )
-    return tuple(checks)
+    stages = arrays.arcs["stage"][arcs]
+
+    def peaks(key: Check) -> dict[int, tuple[float, float]]:
+        return {
+            stage: (_most(arrays, key, (r[own], v[own], u[own])), limit)
+            for stage, limit in _limits_of(arrays, key).items()
+            if (own := stages == stage).any()
+        }
+
+    return tuple(_limit_checks(peaks))
 
 
 def _target_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
