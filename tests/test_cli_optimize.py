@@ -160,3 +160,24 @@ def test_the_wind_of_the_plan_is_told(tmp_path, capsys):
 def test_no_dynamic_pressure_is_told_of_a_flight_above_the_air(capsys):
     assert main(["optimize", "--mission", "ares_v"]) == 0
     assert "dynamic pressure" not in capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_launch_window_is_a_table_or_one_object(capsys):
+    assert main(["optimize", "--mission", "falcon9_iss_pad", "--window", "1"]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"best launch time of falcon9_iss_pad: \d+ s before that of the file", text)
+    assert [line.split()[0] for line in text.splitlines()[4:]] == ["-1", "0", "+1"]
+    assert main(["optimize", "--mission", "delta_iii_pad", "--window", "0", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["launches"] == [found["best"]]
+    assert found["best"]["cost_kg"] == 0.0
+    # the published node is that of a launch at the best time, to the minute
+    assert abs(found["best"]["after_file_s"]) < 60.0
+
+
+def test_launch_window_goes_with_no_other_search(capsys):
+    assert main(["optimize", "--window", "1", "--maximize", "payload"]) == 2
+    assert "--window does not go with --maximize" in capsys.readouterr().err
+    assert main(["optimize", "--mission", "falcon9_leo_pad", "--window", "1"]) == 2
+    assert "target has no node" in capsys.readouterr().err

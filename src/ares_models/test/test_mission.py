@@ -45,6 +45,7 @@ def test_shipped_missions():
         "electron_sso",
         "falcon9_gto",
         "falcon9_gto_pad",
+        "falcon9_iss_pad",
         "falcon9_leo_pad",
         "geostationary_burn",
         "geostationary_transfer",

@@ -21,8 +21,8 @@ _LEFT_KG = 1e-3
 _LEFT = 1e-6
 
 
-class _NoFlight(Exception):
-    """Signal that no flight is found with a payload, however much propellant there is."""
+class NoFlight(Exception):
+    """Signal that no flight is found, however much propellant there is."""
 
 
 class Greatest(NamedTuple):
@@ -71,9 +71,9 @@ def greatest_payload(
         for _ in range(_HALVINGS):
             trial = mission.model_copy(update={"payload_kg": payload})
             try:
-                return payload, _propellant_left(trial, Deadline(time_limit_s, report))
-            except _NoFlight as error:
-                reason = reason or str(error)
+                return payload, propellant_left(trial, Deadline(time_limit_s, report))
+            except NoFlight as error:
+                reason = reason or f"payload_kg is {payload:,.1f}: {error}"
             if payload <= above:
                 break
             payload = 0.5 * (above + payload)
@@ -108,11 +108,11 @@ def greatest_payload(
     return Greatest(best, low, solve(best, "auto", deadline=Deadline(time_limit_s, report)))
 
 
-def _propellant_left(mission: Mission, deadline: Deadline) -> float:
+def propellant_left(mission: Mission, deadline: Deadline) -> float:
     """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
 
     Raises:
-        _NoFlight: no flight is found with any propellant.
+        NoFlight: no flight is found with any propellant.
     """
     arrays = mission.arrays()
     arcs = arrays.arcs
@@ -127,6 +127,6 @@ def _propellant_left(mission: Mission, deadline: Deadline) -> float:
         verify=False,
     )
     if not found.flyable:
-        raise _NoFlight(f"payload_kg is {mission.payload_kg:,.1f}: {found.reason}")
+        raise NoFlight(found.reason)
     dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
     return usable - (stack - dropped - found.m_f_kg)

@@ -15,6 +15,7 @@ from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.laws import find_law, make_law
 from ares_models.atmosphere import us76
 from ares_models.floors import floors_of
+from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.mission import MissionError, load_mission, parse_mission
 from ares_optimizer.collocation.guess import ascents_to_park
@@ -26,10 +27,12 @@ from ares_optimizer.collocation.transcription import CollocationProgram, FreeTim
 from ares_optimizer.proof.physics import air_force, gravity, surface_radius
 from ares_optimizer.solution import Check, UnfitMethod
 from ares_optimizer.solve import solve
+from ares_optimizer.window import launched_later
 from ares_studies.closed_loop import arc_plan, fly_stepwise, offline_trajectory
 from ares_studies.flight_page.data import make_flight
 from ares_studies.flight_page.optimum import record_optimum
 from ares_trials.random_launchers import random_launcher
+from ares_trials.testing.arrivals import judged
 from ares_vehicle_sim.simulator import Simulator
 
 pytestmark = pytest.mark.long
@@ -650,3 +653,20 @@ def test_a_law_takes_over_where_it_finds_its_way():
     assert boosted > 300.0
     assert simulator.plant["inserted"]
     assert float(simulator.plant["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
+@pytest.mark.parametrize("minutes", [-5, 5])
+def test_costs_beside_the_best_launch_time_are_those_of_flights(minutes):
+    best = launched_later(load_mission("falcon9_iss_pad"), -86.0)
+
+    def planned_and_flown(mission):
+        solution = solve(mission, "auto")
+        end = flown(mission, solution, "optimal")
+        assert judged(mission, end).end is End.TARGET
+        return solution.m_f_kg, float(end["mass"])
+
+    planned, spent = np.subtract(
+        planned_and_flown(best), planned_and_flown(launched_later(best, 60.0 * minutes))
+    )
+    assert planned > 100.0
+    assert spent == pytest.approx(planned, rel=0.02)

@@ -35,6 +35,8 @@ METHODS_HELP = (
 #: Entry points of this group answer `optimize --method NAME` in place of the common page: functions
 #: of mission, JSON or tables, and time limit, s. Their keyword-only parameters become options.
 OPTIMIZE = "ares_bringup.optimize"
+#: Most minutes before and after the best launch time.
+LONGEST_WINDOW = 60
 #: Method that has an option, by the option's parameter; filled by `with_options_of_methods`.
 OF_METHODS: dict[str, str] = {}
 
@@ -82,6 +84,16 @@ def optimize(
         Maximize | None,
         typer.Option(help="Seek the greatest payload_kg of a mission with its masses by item."),
     ] = None,
+    window: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=LONGEST_WINDOW,
+            metavar="MINUTES",
+            help="Seek the launch time of a target with its node, and what each minute costs, up "
+            "to so many before and after.",
+        ),
+    ] = None,
     time_limit: Annotated[
         float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
     ] = 30.0,
@@ -105,18 +117,25 @@ def optimize(
     own_page = registered(OPTIMIZE).get(method)
     asked = {name: value for name, value in of_methods.items() if value is not None}
     given = {"--heating": heating, "--hold-jettison": hold_jettison, "--out": out}
+    searched = {"--maximize": maximize, "--window": window is not None}
     if bag is not None and out is None:
         raise BadInput("--beside goes with --out only")
     if own_page is not None:
-        _refuse(f"--method {method}", given | {"--maximize": maximize})
+        _refuse(f"--method {method}", given | searched)
         raise typer.Exit(own_page.load()(mission, as_json, time_limit, **asked))
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method {OF_METHODS[name]} only")
+    given["--method"] = method != AUTO
     if maximize is not None:
-        _refuse("--maximize", given | {"--method": method != AUTO})
+        _refuse("--maximize", given | {"--window": searched["--window"]})
         from ares_bringup.commands.optimize import optimize_payload
 
         raise typer.Exit(optimize_payload(mission, as_json, time_limit))
+    if window is not None:
+        _refuse("--window", given)
+        from ares_bringup.commands.launch_window import optimize_launch
+
+        raise typer.Exit(optimize_launch(mission, window, as_json, time_limit))
     if out is not None:
         needs("pages")
         if out.suffix not in (".html", ".htm"):
