@@ -116,8 +116,12 @@ def optimize(
     needs("solve")
     own_page = registered(OPTIMIZE).get(method)
     asked = {name: value for name, value in of_methods.items() if value is not None}
-    given = {"--heating": heating, "--hold-jettison": hold_jettison, "--out": out}
-    searched = {"--maximize": maximize, "--window": window is not None}
+    given: dict[str, object] = {
+        "--heating": heating,
+        "--hold-jettison": hold_jettison,
+        "--out": out,
+    }
+    searched: dict[str, object] = {"--maximize": maximize, "--window": window is not None}
     if bag is not None and out is None:
         raise BadInput("--beside goes with --out only")
     if own_page is not None:
