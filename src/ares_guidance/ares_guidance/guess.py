@@ -27,7 +27,7 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
-from ares_models.kernels.aerodynamics import drag, pressure_loss
+from ares_models.kernels.aerodynamics import body_force, pressure_loss
 from ares_models.kernels.boost import is_over
 from ares_models.kernels.environment import relative_velocity
 from ares_models.kernels.vectors import norm
@@ -614,7 +614,8 @@ class OfflineTrajectory:
                 break
             for i in self._rows_between(float(start), float(stop)):
                 r, v = self.sample_position[i], self.sample_velocity[i]
-                force = norm(drag(arc, tuple(r), tuple(v), environment, atmosphere))
+                u = tuple(self.sample_direction[i])
+                force = norm(body_force(arc, tuple(r), tuple(v), u, environment, atmosphere))
                 force += pressure_loss(arc, tuple(r), environment, atmosphere)
                 if force > HANDED_OVER_M_S2 * self.sample_mass[i]:
                     end = max(end, min(float(self.sample_time[i]) + 1.0, float(stop)))

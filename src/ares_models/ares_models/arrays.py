@@ -178,12 +178,18 @@ ARC = np.dtype(
         ("held", np.int64),  # 1: the direction at ignition is held
         ("vertical", np.int64),  # 1: the thrust is along the local vertical
         ("continues", np.int64),  # 1: the engines of the burn before it burn on, none is lit
-        # flight in the air: drag, and ambient pressure on the nozzles
-        ("drag_area", np.float64),  # m2, reference area; 0: no drag
-        ("drag_knots", np.int64),  # of the drag coefficient over Mach, constant beyond both ends
+        # flight in the air: force on the body, and ambient pressure on the nozzles
+        ("body_axes", np.int64),  # 1: coefficients of axial and normal force, not of drag and lift
+        ("drag_area", np.float64),  # m2, reference area; 0: no force
+        # of the coefficient of drag or axial force over Mach, constant beyond both ends
+        ("drag_knots", np.int64),
         ("drag_mach", np.float64, (MAX_DRAG_KNOTS,)),
         # c0..c3 of the cubic in the Mach number above each knot
         ("drag_cubic", np.float64, (MAX_DRAG_KNOTS, 4)),
+        # likewise of lift or normal force per unit of the sine of the angle of attack; 0: none
+        ("across_knots", np.int64),
+        ("across_mach", np.float64, (MAX_DRAG_KNOTS,)),
+        ("across_cubic", np.float64, (MAX_DRAG_KNOTS, 4)),
         ("exit_area", np.float64),  # m2, of all nozzles that burn; 0: vacuum thrust everywhere
         ("max_dynamic_pressure", np.float64),  # Pa; inf: no limit
         ("max_q_alpha", np.float64),  # Pa rad, of q sin(angle of attack); inf: no limit

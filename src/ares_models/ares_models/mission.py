@@ -153,7 +153,9 @@ class Mission(Part):
     environment: EnvironmentPart = Field(description="body, gravity, atmosphere")
     initial_state: InitialState = Field(description="where the flight begins, in one of six forms")
     aerodynamics: AerodynamicsPart | None = Field(
-        default=None, exclude_if=not_there, description="drag of all stages without their own"
+        default=None,
+        exclude_if=not_there,
+        description="forces of the air on all stages without their own",
     )
     stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)] = Field(
         description="in flight order"
@@ -438,7 +440,7 @@ class Mission(Part):
                 row["exhaust_velocity"] = 1.0
                 row["kind"] = layout.COAST
                 rows.append(row)
-                self._write_air(stage, row)
+                self._write_air(stage, isinstance(arc, BurnArc), row)
                 if isinstance(arc, CoastArc):
                     self._write_coast(arc, row)
                 if isinstance(arc, BurnArc):
@@ -467,23 +469,28 @@ class Mission(Part):
         ]
         return max(after, default=0.0) - before
 
-    def _write_air(self, stage: Stage, row: NDArray[np.void]) -> None:
+    def _write_air(self, stage: Stage, burns: bool, row: NDArray[np.void]) -> None:
         row["max_dynamic_pressure"] = stage.max_dynamic_pressure_pa or math.inf
         row["max_q_alpha"] = stage.max_q_alpha_pa_rad or math.inf
-        drag = stage.aerodynamics or self.aerodynamics
-        if drag is None:
+        air = stage.aerodynamics or self.aerodynamics
+        if air is None:
             return
-        mach, coefficient = np.array(drag.drag_table).T
-        knots = len(mach)
-        slopes = np.zeros(knots)
-        if knots > 2:
-            slopes = monotone_slopes(mach, coefficient)
-        elif knots > 1:
-            slopes[:] = np.diff(coefficient) / np.diff(mach)
-        row["drag_area"] = drag.reference_area_m2
-        row["drag_knots"] = knots
-        row["drag_mach"][0, :knots] = mach
-        row["drag_cubic"][0, :knots] = hermite_table(mach, coefficient, slopes)[:, 1:]
+        row["drag_area"] = air.reference_area_m2
+        row["body_axes"] = int(air.axial_table is not None)
+        across = air.lift_table or air.normal_table
+        for name, table in (("drag", air.along(burns)), ("across", across)):
+            if table is None:
+                continue
+            mach, coefficient = np.array(table).T
+            knots = len(mach)
+            slopes = np.zeros(knots)
+            if knots > 2:
+                slopes = monotone_slopes(mach, coefficient)
+            elif knots > 1:
+                slopes[:] = np.diff(coefficient) / np.diff(mach)
+            row[f"{name}_knots"] = knots
+            row[f"{name}_mach"][0, :knots] = mach
+            row[f"{name}_cubic"][0, :knots] = hermite_table(mach, coefficient, slopes)[:, 1:]
 
     def _write_coast(self, arc: CoastArc, row: NDArray[np.void]) -> None:
         if arc.min_perigee_altitude_m is not None:

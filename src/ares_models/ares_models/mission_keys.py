@@ -125,7 +125,7 @@ Text = Annotated[str, Field(strict=True, min_length=1)]
 Knot = tuple[KnotTime, Fraction]
 ThrustKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e10)]]
 FlowKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e9)]]
-DragKnot = tuple[Annotated[float, Range(0.0, 1e3)], Annotated[float, Range(0.0, 100.0)]]
+CoefficientKnot = tuple[Annotated[float, Range(0.0, 1e3)], Annotated[float, Range(0.0, 100.0)]]
 AttitudeKnot = tuple[Annotated[float, Range(-1e6, 1e9)], FlightPathAngle, Turn]
 Vertex = tuple[Latitude, Turn]
 Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
@@ -138,7 +138,9 @@ WindTable = Annotated[
     tuple[tuple[WindAltitude, WindSpeed, WindSpeed], ...],
     Field(min_length=1, max_length=MAX_WIND_KNOTS),
 ]
-DragTable = Annotated[tuple[DragKnot, ...], Field(min_length=1, max_length=MAX_DRAG_KNOTS)]
+CoefficientTable = Annotated[
+    tuple[CoefficientKnot, ...], Field(min_length=1, max_length=MAX_DRAG_KNOTS)
+]
 AttitudeTable = Annotated[tuple[AttitudeKnot, ...], Field(min_length=1, max_length=MAX_PROGRAMME)]
 FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 

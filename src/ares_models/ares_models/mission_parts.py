@@ -17,10 +17,10 @@ from ares_models.mission_keys import (
     Area,
     AreaRadius,
     BodyRadius,
+    CoefficientTable,
     Curve,
     Delay,
     DensityFactor,
-    DragTable,
     Duration,
     EngineCount,
     FloorAltitude,
@@ -161,18 +161,68 @@ MIN_MACH_STEP = 1e-3
 
 
 class AerodynamicsPart(Part):
-    """Hold the drag of a vehicle."""
+    """Hold the forces of the air on a vehicle: drag and lift, or axial and normal force."""
 
-    reference_area_m2: Area = Field(description="of the drag coefficient")
-    drag_table: DragTable = Field(
+    model_config = ConfigDict(json_schema_extra=one_of(("drag_table",), ("axial_table",)))
+
+    reference_area_m2: Area = Field(description="of all coefficients")
+    drag_table: CoefficientTable | None = Field(
+        default=None,
+        exclude_if=not_there,
         description="drag coefficient, knots [Mach number, coefficient]; monotone between them, "
-        "constant beyond both ends"
+        "constant beyond both ends",
+    )
+    lift_table: CoefficientTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="beside drag_table: lift coefficient per unit of the sine of the angle of "
+        "attack, likewise",
+    )
+    axial_table: CoefficientTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="in place of drag_table: coefficient of the force against the thrust axis",
+    )
+    normal_table: CoefficientTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="beside axial_table: coefficient of the force across that axis per unit of "
+        "the sine of the angle of attack",
+    )
+    power_off_table: CoefficientTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="drag or axial coefficient in coasts, with the drag of the base",
     )
 
     @model_validator(mode="after")
-    def _rising(self) -> "AerodynamicsPart":
-        check_rising("drag_table", self.drag_table, MIN_MACH_STEP, "a Mach number")
+    def _one_form(self) -> "AerodynamicsPart":
+        along = "drag_table" if self.axial_table is None else "axial_table"
+        if getattr(self, along) is None:
+            fail(("drag_table",), None, "a table, or an axial_table")
+        owners = {
+            "drag_table": "drag_table",
+            "lift_table": "drag_table",
+            "axial_table": "axial_table",
+            "normal_table": "axial_table",
+            "power_off_table": along,
+        }
+        for key, owner in owners.items():
+            table = getattr(self, key)
+            if table is None:
+                continue
+            if owner != along:
+                fail((key,), table, f"no such key beside {along}")
+            check_rising(key, table, MIN_MACH_STEP, "a Mach number")
         return self
+
+    def along(self, burns: bool) -> CoefficientTable:
+        """Return the coefficients of drag or axial force, in a burn or in a coast."""
+        if not burns and self.power_off_table is not None:
+            return self.power_off_table
+        table = self.axial_table if self.drag_table is None else self.drag_table
+        assert table is not None
+        return table
 
 
 _CIRCLE = ("latitude_deg", "longitude_deg", "radius_m")

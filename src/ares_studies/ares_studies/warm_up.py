@@ -14,7 +14,7 @@ from contextlib import suppress
 from ares_guidance.law import PEG, Law
 from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
-from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
+from ares_models.kernels.aerodynamics import air_at, body_force, pressure_loss
 from ares_models.kernels.environment import air_velocity, density, relative_velocity
 from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
@@ -77,7 +77,7 @@ def compile_pages() -> None:
     arrays = load_mission("delta_iii_pad").arrays()
     place, velocity = tuple(start.position.tolist()), tuple(start.velocity.tolist())
     surroundings = arrays.environment[0], arrays.atmosphere
-    drag(arrays.arcs[0], place, velocity, *surroundings)
+    body_force(arrays.arcs[0], place, velocity, (1.0, 0.0, 0.0), *surroundings)
     pressure_loss(arrays.arcs[0], place, *surroundings)
     density(place, *surroundings)
     air_at(0.0, *surroundings)

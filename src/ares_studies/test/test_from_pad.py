@@ -96,8 +96,16 @@ WIND = (
 )
 
 
-def small(thrust=800000.0, wind=""):
+#: Tables beside that of the drag, or in place of it.
+LIFT = "\n  lift_table: [[0.0, 2.4], [1.1, 3.2], [4.0, 2.0]]\n  power_off_table: [[0.0, 0.8]]"
+NORMAL = "\n  normal_table: [[0.0, 2.7], [1.1, 3.8], [4.0, 2.3]]"
+
+
+def small(thrust=800000.0, wind="", beside=""):
     text = SMALL.format(thrust=thrust).replace("{model: us76}", f"{{model: us76{wind}}}")
+    text = text.replace("[8.0, 0.25]]", f"[8.0, 0.25]]{beside}")
+    if beside == NORMAL:
+        text = text.replace("drag_table", "axial_table")
     return parse_mission(text, "small.yaml")
 
 
@@ -196,6 +204,21 @@ def test_a_launcher_with_limits_is_flown_within_half_a_percent(limited, law):
     assert abs(1.0 - float(end["mass"]) / solution.m_f_kg) < 5e-3
 
 
+@pytest.mark.parametrize("beside", [LIFT, NORMAL])
+def test_a_launcher_with_lift_is_planned_and_flown(limited, beside):
+    mission = small(beside=beside)
+    solution = solve(mission, "auto")
+    assert solution.converged
+    checks = {check.key: check for check in solution.constraints}
+    assert checks[Check.Q_ALPHA].value <= 1.001 * 2500.0
+    # forces across the flight change the optimum, by little where the angle of attack is small
+    assert 1e-6 < abs(solution.m_f_kg / limited[1].m_f_kg - 1.0) < 5e-3
+    for law in ("peg", "optimal"):
+        end = flown(mission, solution, law)
+        assert end["inserted"]
+        assert abs(1.0 - float(end["mass"]) / solution.m_f_kg) < 5e-3
+
+
 def test_guidance_flies_the_programme_first_and_hands_over_above_the_air(limited):
     mission, solution = limited
     law = ready(mission, solution)
@@ -213,9 +236,9 @@ def test_guidance_flies_the_programme_first_and_hands_over_above_the_air(limited
     assert max(q for _, q in phases[handed_over:]) < 500.0 < 20000.0 < max(q for _, q in phases)
 
 
-@pytest.mark.parametrize("wind", ["", WIND])
-def test_the_plant_flies_as_an_independent_integrator_does(wind):
-    mission = small(wind=wind)
+@pytest.mark.parametrize(("wind", "beside"), [("", ""), (WIND, ""), (WIND, LIFT), ("", NORMAL)])
+def test_the_plant_flies_as_an_independent_integrator_does(wind, beside):
+    mission = small(wind=wind, beside=beside)
     arrays = mission.arrays()
     simulator = Simulator(mission)
     direction = np.array([0.6, -0.55, 0.2]) + simulator.plant["position"] / 6.4e6

@@ -76,7 +76,7 @@ environment:
   atmosphere: {model: us76}
 aerodynamics:
   reference_area_m2: 0.21237
-  drag_table: [[0, 0.28], [0.4, 0.28], [0.6, 0.29], [0.8, 0.35], [1, 0.64], [1.2, 0.67],
+  axial_table: [[0, 0.28], [0.4, 0.28], [0.6, 0.29], [0.8, 0.35], [1, 0.64], [1.2, 0.67],
     [1.4, 0.69], [1.6, 0.66], [1.8, 0.62], [2, 0.58], [2.5, 0.55], [3, 0.48], [3.5, 0.42],
     [4, 0.38], [4.5, 0.355], [5, 0.33]]
 initial_state:
@@ -93,6 +93,31 @@ stages:
 programme: {over: time_s, table: [[0.0, 82.0, 99.0], [31.7, 77.0, 99.0]]}
 target: {perigee_altitude_m: 200000.0, inclination_deg: 60.0}
 """
+
+#: Another example of it, kept at one attitude up to 43 deg off the velocity.
+SAMPLE = (
+    SS520[: SS520.index("aerodynamics:")]
+    + """
+aerodynamics:
+  reference_area_m2: 0.1963495
+  axial_table: [[0.0, 0.2]]
+initial_state:
+  time_s: 0.0
+  geodetic_latitude_deg: 42.506129
+  longitude_deg: 143.456482
+  altitude_m: 15.0
+stages:
+  - name: first
+    ignition_mass_kg: 1000.0
+    propellant_kg: 920.0
+    thrust_n: 15000.0
+    isp_s: 200.0
+    exit_area_m2: 0.0392699
+    burn_time_s: 120.0
+programme: {over: time_s, table: [[0.0, 83.0, 113.0], [1000.0, 83.0, 113.0]]}
+target: {perigee_altitude_m: 200000.0, inclination_deg: 60.0}
+"""
+)
 
 
 def mission(programme=TURN, **edits):
@@ -125,17 +150,25 @@ def test_a_gravity_turn_ends_as_the_textbook_integrates_it():
     assert plant["mass"] == pytest.approx(68_000.083 / 7.0, rel=1e-5)
 
 
-def test_a_table_of_another_simulator_ends_as_that_one_does():
-    made = parse_mission(SS520, "ss520.yaml")
+@pytest.mark.parametrize(
+    ("text", "end_s", "altitude_m", "speed_m_s", "elevation_deg", "mass_kg"),
+    [
+        (SS520, 31.7, 22_292.2, 1_390.60, 77.37, 665.33),
+        (SAMPLE, 120.0, 77_458.4, 3_258.47, 80.6925, 82.255),
+    ],
+)
+def test_a_flight_by_attitude_ends_as_in_another_simulator(
+    text, end_s, altitude_m, speed_m_s, elevation_deg, mass_kg
+):
+    made = parse_mission(text, "example.yaml")
     plant = fly_stepwise(made).plant
     height, speed, elevation = over_ground(plant, made.arrays().environment[0])
-    assert plant["time"] == pytest.approx(31.7)
-    # its run without the constant normal force of 0.2 q S
-    assert height == pytest.approx(22_292.2, rel=1e-3)
-    assert speed == pytest.approx(1_390.60, rel=1e-3)
-    # its drag is along the body, which is up to 2 deg off the velocity
-    assert elevation == pytest.approx(77.37, abs=0.1)
-    assert plant["mass"] == pytest.approx(665.33, abs=0.1)
+    assert plant["time"] == pytest.approx(end_s)
+    # its run without a normal force; its air takes geometric for geopotential altitude
+    assert height == pytest.approx(altitude_m, rel=1e-3)
+    assert speed == pytest.approx(speed_m_s, rel=1e-3)
+    assert elevation == pytest.approx(elevation_deg, abs=0.02)
+    assert plant["mass"] == pytest.approx(mass_kg, rel=1.5e-4)
 
 
 #: Flown by AS-506 (MPR-SAT-FE-69-9, SP-4029): time s, altitude m, inertial speed m/s, flight-path

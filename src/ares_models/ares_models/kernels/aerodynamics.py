@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compute the forces of the air: drag along the air speed, ambient pressure on the nozzles.
+"""Compute the forces of the air: on the body, and of the ambient pressure on the nozzles.
 
 ``arc`` is a record of dtype ``arrays.ARC``; ``environment`` and ``atmosphere`` are as in
 ``kernels/environment.py``. The air turns with the body, and may have a wind.
+
+The force on the body is -0.5 rho V S (P w + Q V u) with the velocity in the air w, V = |w|, and the
+thrust direction u. By drag and lift P = CD + CL x and Q = -CL, by axial and normal force P = N and
+Q = CA - N x, where x is the cosine of the angle of attack and CL, N are per unit of its sine. In a
+coast the body is along the air.
 """
 
 import math
@@ -11,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import Record
+from ares_models.arrays import COAST, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
     AT_REST,
@@ -55,6 +60,7 @@ class Force(NamedTuple):
         force: N.
         by_x, by_y, by_z: changes of the force with each coordinate, N/m.
         by_u, by_v, by_w: changes of the force with each component of the velocity, N s/m.
+        turned: changes of the force with each component of the thrust direction, N.
     """
 
     force: Vector
@@ -64,6 +70,18 @@ class Force(NamedTuple):
     by_u: Vector
     by_v: Vector
     by_w: Vector
+    turned: tuple[Vector, Vector, Vector]
+
+
+class Shares(NamedTuple):
+    """Hold P and Q of the force, see the module text, with slopes by Mach number and cosine."""
+
+    p: float
+    q: float
+    p_mach: float
+    q_mach: float
+    p_cosine: float
+    q_cosine: float
 
 
 @kernel
@@ -85,9 +103,27 @@ def air_at(h: float, environment: Record, atmosphere: NDArray[np.float64]) -> Ai
 
 
 @kernel
-def drag_coefficient(arc: Record, mach: float) -> tuple[float, float]:
-    """Return the drag coefficient of an arc and its derivative by the Mach number."""
-    return table_at(mach, arc.drag_mach, arc.drag_cubic, arc.drag_knots)
+def has_attitude(arc: Record) -> bool:
+    """Return whether the force depends on the angle of attack."""
+    flag: bool = arc.kind != COAST and (arc.body_axes == 1 or arc.across_knots > 0)
+    return flag
+
+
+@kernel
+def shares_of_force(arc: Record, mach: float, cosine: float) -> Shares:
+    """Return the shares of the force at a Mach number and a cosine of the angle of attack."""
+    along, slope = table_at(mach, arc.drag_mach, arc.drag_cubic, arc.drag_knots)
+    if not has_attitude(arc):
+        return Shares(along, 0.0, slope, 0.0, 0.0, 0.0)
+    across, across_slope = 0.0, 0.0
+    if arc.across_knots > 0:
+        tables = arc.across_mach, arc.across_cubic
+        across, across_slope = table_at(mach, tables[0], tables[1], arc.across_knots)
+    if arc.body_axes == 1:
+        q_mach = slope - across_slope * cosine
+        return Shares(across, along - across * cosine, across_slope, q_mach, 0.0, -across)
+    p_mach = slope + across_slope * cosine
+    return Shares(along + across * cosine, -across, p_mach, -across_slope, across, 0.0)
 
 
 @kernel
@@ -100,17 +136,36 @@ def local_vertical(r: Vector, environment: Record) -> Vector:
 
 
 @kernel
-def drag(
-    arc: Record, r: Vector, v: Vector, environment: Record, atmosphere: NDArray[np.float64]
+def body_force(
+    arc: Record,
+    r: Vector,
+    v: Vector,
+    u: Vector,
+    environment: Record,
+    atmosphere: NDArray[np.float64],
 ) -> Vector:
-    """Compute the drag, N: 0.5 rho V^2 S Cd(Mach) against the velocity in the air."""
+    """Compute the force of the air on the body, N; see the module text.
+
+    Args:
+        arc: record ARC.
+        r: position, m.
+        v: velocity, m/s.
+        u: of the thrust, unit vector.
+        environment: record ENVIRONMENT.
+        atmosphere: see the module text.
+    """
     if arc.drag_area <= 0.0:
         return (0.0, 0.0, 0.0)
     air = air_at(altitude(r, environment), environment, atmosphere)
     w = air_velocity(r, v, environment)
     speed = math.sqrt(dot(w, w))
-    coefficient, _ = drag_coefficient(arc, speed / air.sound)
-    return scale(-0.5 * air.density * arc.drag_area * coefficient * speed, w)
+    k = -0.5 * air.density * arc.drag_area
+    if not has_attitude(arc):
+        shares = shares_of_force(arc, speed / air.sound, 1.0)
+        return scale(k * shares.p * speed, w)
+    cosine = dot(u, w) / math.sqrt(max(dot(w, w), AT_REST))
+    shares = shares_of_force(arc, speed / air.sound, cosine)
+    return axpy(k * speed * speed * shares.q, u, scale(k * shares.p * speed, w))
 
 
 @kernel
@@ -135,40 +190,56 @@ def pressure_loss(
 
 
 @kernel
-def drag_with_gradient(
+def body_force_with_gradient(
     arc: Record,
     r: Vector,
     v: Vector,
+    u: Vector,
     up: Vector,
     environment: Record,
     atmosphere: NDArray[np.float64],
 ) -> Force:
-    """Compute :func:`drag` with its gradients.
+    """Compute :func:`body_force` with its gradients.
 
-    Args:
-        arc: record ARC.
-        r: position, m.
-        v: velocity, m/s.
+    Args: as there;
         up: gradient of the altitude.
-        environment: record ENVIRONMENT.
-        atmosphere: see the module text.
     """
     air = air_at(altitude(r, environment), environment, atmosphere)
     w = air_velocity(r, v, environment)
     speed = math.sqrt(max(dot(w, w), AT_REST))
     mach = speed / air.sound
-    coefficient, slope = drag_coefficient(arc, mach)
+    attitude = has_attitude(arc)
+    cosine = dot(u, w) / speed if attitude else 1.0
+    shares = shares_of_force(arc, mach, cosine)
     k = -0.5 * air.density * arc.drag_area
-    force = scale(k * coefficient * speed, w)
-    # by the velocity in the air: Cd V I + (Cd / V + Cd' / a) w w^T
-    even = k * coefficient * speed
-    along = k * (coefficient / speed + slope / air.sound)
+    force = scale(k * shares.p * speed, w)
+    # by the velocity in the air: P V I + (P / V + P' / a) w w^T
+    even = k * shares.p * speed
+    along = k * (shares.p / speed + shares.p_mach / air.sound)
     by_u = axpy(even, (1.0, 0.0, 0.0), scale(along * w[0], w))
     by_v = axpy(even, (0.0, 1.0, 0.0), scale(along * w[1], w))
     by_w = axpy(even, (0.0, 0.0, 1.0), scale(along * w[2], w))
     # by altitude: density, and the speed of sound in the Mach number
     sound_slope = 0.5 * (air.pressure_slope - air.density_slope)
-    by_h = scale(k * speed * (air.density_slope * coefficient - slope * mach * sound_slope), w)
+    even_h = air.density_slope * shares.p - shares.p_mach * mach * sound_slope
+    by_h = scale(k * speed * even_h, w)
+    turned = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    if attitude:
+        push = k * speed * speed
+        force = axpy(push * shares.q, u, force)
+        turned_h = air.density_slope * shares.q - shares.q_mach * mach * sound_slope
+        by_h = axpy(push * turned_h, u, by_h)
+        # by the cosine, and by the speed at a fixed cosine
+        swing = axpy(push * shares.q_cosine, u, scale(k * speed * shares.p_cosine, w))
+        faster = scale(k * (2.0 * shares.q + mach * shares.q_mach), u)
+        by_u = _by_speed(by_u, swing, faster, _cosine_by(0, u, w, cosine, speed), w[0])
+        by_v = _by_speed(by_v, swing, faster, _cosine_by(1, u, w, cosine, speed), w[1])
+        by_w = _by_speed(by_w, swing, faster, _cosine_by(2, u, w, cosine, speed), w[2])
+        turned = (
+            axpy(w[0] / speed, swing, (push * shares.q, 0.0, 0.0)),
+            axpy(w[1] / speed, swing, (0.0, push * shares.q, 0.0)),
+            axpy(w[2] / speed, swing, (0.0, 0.0, push * shares.q)),
+        )
     rate = environment.rotation_rate
     by_x = axpy(up[0], by_h, scale(-rate, by_v))
     by_y = axpy(up[1], by_h, scale(rate, by_u))
@@ -178,7 +249,21 @@ def drag_with_gradient(
         by_x = sub(by_x, _along(wind.by_x, by_u, by_v, by_w))
         by_y = sub(by_y, _along(wind.by_y, by_u, by_v, by_w))
         by_z = sub(by_z, _along(wind.by_z, by_u, by_v, by_w))
-    return Force(force, by_x, by_y, by_z, by_u, by_v, by_w)
+    return Force(force, by_x, by_y, by_z, by_u, by_v, by_w, turned)
+
+
+@kernel
+def _cosine_by(i: int, u: Vector, w: Vector, cosine: float, speed: float) -> float:
+    """Return the change of the cosine of the angle of attack with a component of ``w``."""
+    return (u[i] - cosine * w[i] / speed) / speed
+
+
+@kernel
+def _by_speed(
+    before: Vector, swing: Vector, faster: Vector, cosine_by: float, component: float
+) -> Vector:
+    """Add what the thrust direction's share changes with a component of the velocity."""
+    return axpy(cosine_by, swing, axpy(component, faster, before))
 
 
 @kernel

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import (
-    drag,
-    drag_with_gradient,
+    body_force,
+    body_force_with_gradient,
     local_vertical,
     pressure_loss,
     pressure_loss_terms,
@@ -74,12 +74,13 @@ def air_motion(
     s = point.fraction * x[phase.length]
     left, _, _ = mass_at_end(phase, s, x[phase.mass])
     per = units[0] / (units[1] * units[1] * units[2] * left)
-    motion = scale(per, drag(arc, r, v, mission.environment, mission.atmosphere))
+    u = _direction(point, phase, mission, x, r)
+    motion = scale(per, body_force(arc, r, v, u, mission.environment, mission.atmosphere))
     if phase.steering == COASTING:
         return motion
     a = acceleration_terms(phase, s, x[phase.mass])[0]
     a -= per * pressure_loss(arc, r, mission.environment, mission.atmosphere)
-    return axpy(a, _direction(point, phase, mission, x, r), motion)
+    return axpy(a, u, motion)
 
 
 @kernel
@@ -114,10 +115,11 @@ def local_gradient(
             gradient[c, i] = by_r[i]
             gradient[c, 3 + i] = 0.0
             gradient[c, 8 + i] = 0.0
-    # what falls as the mass is left over: drag and pressure
+    # what falls as the mass is left over: forces of air and pressure
     falling = (0.0, 0.0, 0.0)
+    u = _direction(point, phase, mission, x, place)
     if arc.drag_area > 0.0:
-        force = drag_with_gradient(arc, place, velocity, up, environment, atmosphere)
+        force = body_force_with_gradient(arc, place, velocity, u, up, environment, atmosphere)
         falling = scale(per, force.force)
         by_place = (force.by_x, force.by_y, force.by_z)
         by_velocity = (force.by_u, force.by_v, force.by_w)
@@ -125,8 +127,8 @@ def local_gradient(
             for c in range(3):
                 gradient[c, i] += per * units[0] * by_place[i][c]
                 gradient[c, 3 + i] += per * units[1] * by_velocity[i][c]
+                gradient[c, 8 + i] = per * force.turned[i][c]
     a, by_s, by_m = 0.0, 0.0, 0.0
-    u = _direction(point, phase, mission, x, place)
     if phase.steering != COASTING:
         a, by_s, by_m, _, _, _ = acceleration_terms(phase, s, x[phase.mass])
         net = a
@@ -137,10 +139,10 @@ def local_gradient(
             for c in range(3):
                 for i in range(3):
                     gradient[c, i] -= per * slope * units[0] * up[i] * u[c]
-        if phase.steering == VERTICAL:
-            _add_turn(environment, r, u, net, gradient)
         for c in range(3):
-            gradient[c, 8 + c] = net
+            gradient[c, 8 + c] += net
+        if phase.steering == VERTICAL:
+            _add_turn(environment, r, u, gradient)
     total = axpy(a, u, axpy(1.0, falling, total))
     for c in range(3):
         gradient[c, 6] = point.fraction * (by_s * u[c] - falling[c] * left_s / left)
@@ -149,12 +151,13 @@ def local_gradient(
 
 
 @kernel
-def _add_turn(environment: Record, r: Vector, u: Vector, net: float, gradient: Array) -> None:
-    """Add the change of a vertical thrust with the position."""
+def _add_turn(environment: Record, r: Vector, u: Vector, gradient: Array) -> None:
+    """Add the change of a vertical direction with the position."""
     stretch = vertical_stretch(environment)
     size = norm((r[0], r[1], stretch * r[2]))
     for i in range(3):
-        k = (stretch if i == 2 else 1.0) * net / size
+        k = (stretch if i == 2 else 1.0) / size
         across = axpy(-u[i], u, AXES[i])
         for c in range(3):
-            gradient[c, i] += k * across[c]
+            for j in range(3):
+                gradient[c, i] += k * gradient[c, 8 + j] * across[j]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT
-from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
+from ares_models.kernels.aerodynamics import body_force, has_attitude, local_vertical, pressure_loss
 from ares_models.kernels.environment import gravity
 from ares_optimizer.collocation.arrays import COASTING, GUIDED, VERTICAL
 from ares_optimizer.collocation.radau import radau
@@ -81,7 +81,7 @@ def _terms(
         s: time into the phase.
         point: solution of the program.
         sample: state, m and m/s, its costate, and the thrust direction of the solution. The thrust
-            of a guided phase without limits of the angle of attack is along the primer.
+            of a guided phase is along the primer, where the angle of attack changes nothing else.
     """
     phase = program.phases[p]
     state, costate, u = sample
@@ -93,13 +93,14 @@ def _terms(
     arc = program.arrays.arcs[phase["arc"]]
     surroundings = program.arrays.environment[0], program.arrays.atmosphere
     r, v = tuple(state[:3].tolist()), tuple(state[3:].tolist())
-    if phase["in_air"]:
-        force = np.array(drag(arc, r, v, *surroundings))
+    angled = phase["in_air"] and (has_attitude(arc) or math.isfinite(arc["max_q_alpha"]))
     if phase["steering"] == VERTICAL:
         u = np.array(local_vertical(r, surroundings[0]))
-    elif phase["steering"] == GUIDED and math.isinf(arc["max_q_alpha"]):
+    elif phase["steering"] == GUIDED and not angled:
         size = float(np.linalg.norm(primer))
         u = primer / size if size > 0.0 else u
+    if phase["in_air"]:
+        force = np.array(body_force(arc, r, v, tuple(u.tolist()), *surroundings))
     if phase["steering"] != COASTING:
         a = acceleration_terms(phase, s, mass)[0] * program.speed / program.time
         thrust = a * left

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.aerodynamics import drag, local_vertical, pressure_loss
+from ares_models.kernels.aerodynamics import body_force, local_vertical, pressure_loss
 from ares_models.kernels.boost import boost_direction, is_over
 from ares_models.kernels.environment import altitude, gravity, log_heating_gradient
 from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, load, norm, scale, unit
@@ -110,16 +110,16 @@ def acceleration(
     per = 1.0 / segment_mass(segment, t)
     r = scale(max(1.0, environment.polar_radius / max(norm(r), 1.0)), r)
     a = gravity(r, environment)
-    if arc.drag_area > 0.0:
-        a = axpy(per, drag(arc, r, v, environment, mission.atmosphere), a)
     thrust = segment_thrust(segment, t)
+    u = thrust_direction(law, t, r, v, environment)
+    if arc.vertical == 1:
+        u = local_vertical(r, environment)
+    if arc.drag_area > 0.0:
+        a = axpy(per, body_force(arc, r, v, u, environment, mission.atmosphere), a)
     if thrust <= 0.0:
         return a
     if arc.exit_area > 0.0:
         thrust -= pressure_loss(arc, r, environment, mission.atmosphere)
-    u = thrust_direction(law, t, r, v, environment)
-    if arc.vertical == 1:
-        u = local_vertical(r, environment)
     return axpy(thrust * per, u, a)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import (
     ALTITUDE_SPHERICAL,
+    COAST,
     MissionArrays,
     Record,
 )
@@ -141,7 +142,7 @@ def vertical(r: Array, environment: Record) -> Array:
 def air_force(
     r: Array, v: Array, thrust: float, direction: Array, arc: Record, arrays: MissionArrays
 ) -> Array:
-    """Return the thrust less ambient pressure, and the drag, N, shape (3,).
+    """Return the thrust less ambient pressure, and the force of the air, N, shape (3,).
 
     Args:
         r: m, shape (3,).
@@ -162,12 +163,33 @@ def air_force(
     relative = _air_speed(r, v, environment)
     speed = float(np.linalg.norm(relative))
     mach = speed / math.sqrt(1.4 * pressure / density) if density > 0.0 else math.inf
-    places = arc["drag_mach"][:knots]
-    k = min(max(int(np.searchsorted(places, mach, side="right")) - 1, 0), knots - 1)
+    push = 0.5 * density * speed * speed * float(arc["drag_area"])
+    along = _coefficient(mach, arc, "drag")
+    if speed == 0.0:
+        return force
+    stream = relative / speed
+    if arc["kind"] == COAST:
+        return np.asarray(force - push * along * stream)
+    across = _coefficient(mach, arc, "across")
+    cosine = float(direction @ stream)
+    if arc["body_axes"]:
+        # axial force against the body, normal force to the side from which the air comes
+        turned = along * direction + across * (stream - cosine * direction)
+    else:
+        # drag with the air, lift to the side to which the body points
+        turned = along * stream - across * (direction - cosine * stream)
+    return np.asarray(force - push * turned)
+
+
+def _coefficient(mach: float, arc: Record, name: str) -> float:
+    """Return a coefficient of a table over the Mach number, constant beyond both ends."""
+    knots = int(arc[f"{name}_knots"])
+    if not knots:
+        return 0.0
+    places = arc[f"{name}_mach"][:knots]
+    k = min(max(int(np.searchsorted(places, mach, side="right")) - 1, 0), len(places) - 1)
     x = min(max(mach, places[0]), places[-1]) - places[k]
-    coefficient = np.polynomial.polynomial.polyval(x, arc["drag_cubic"][k])
-    drag = 0.5 * density * speed * float(arc["drag_area"]) * float(coefficient)
-    return np.asarray(force - drag * relative)
+    return float(np.polynomial.polynomial.polyval(x, arc[f"{name}_cubic"][k]))
 
 
 def elements(r: Array, v: Array, mu: float) -> dict[str, float]:

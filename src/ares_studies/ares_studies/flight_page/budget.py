@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
-from ares_models.kernels.aerodynamics import drag, pressure_loss
+from ares_models.kernels.aerodynamics import body_force, pressure_loss
 from ares_models.kernels.environment import density, gravity
 from ares_models.kernels.sequence import loaded_mass
 from ares_models.mission import Mission
@@ -144,11 +144,10 @@ def _air(truth: Mapping[str, NDArray[Any]], arrays: MissionArrays) -> tuple[Arra
     if not flies_in_air(arrays.arcs):
         return dragged, pressed
     surroundings = arrays.environment[0], arrays.atmosphere
-    for i, (k, r, v) in enumerate(
-        zip(*(truth[name].tolist() for name in ("arc", "position", "velocity")), strict=True)
-    ):
+    columns = ("arc", "position", "velocity", "thrust_direction")
+    for i, (k, r, v, u) in enumerate(zip(*(truth[name].tolist() for name in columns), strict=True)):
         arc, place = arrays.arcs[min(k, len(arrays.arcs) - 1)], tuple(r)
-        dragged[i] = drag(arc, place, tuple(v), *surroundings)
+        dragged[i] = body_force(arc, place, tuple(v), tuple(u), *surroundings)
         if "density" in truth:
             dragged[i] *= truth["density"][i] / density(place, *surroundings)
         if truth["thrust"][i] > _NO_THRUST_N:

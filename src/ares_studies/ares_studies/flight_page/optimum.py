@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ares_models.arrays import BURN, MissionArrays, Record
-from ares_models.kernels.aerodynamics import air_at, drag, pressure_loss
+from ares_models.kernels.aerodynamics import air_at, body_force, pressure_loss
 from ares_models.kernels.environment import air_velocity, altitude
 from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.vectors import norm
@@ -94,7 +94,7 @@ def _in_air(truth: Columns, arrays: MissionArrays) -> dict[str, Array]:
         u, thrust = truth["thrust_direction"][i], float(truth["thrust"][i])
         if thrust > 0.0:
             thrust = max(0.0, thrust - pressure_loss(arc, r, *surroundings))
-        force = thrust * u + np.array(drag(arc, r, v, *surroundings))
+        force = thrust * u + np.array(body_force(arc, r, v, tuple(u), *surroundings))
         axial = float(force @ u)
         air, speed = air_at(height, *surroundings), float(truth["relative_speed"][i])
         stream = np.array(air_velocity(r, v, surroundings[0]))
@@ -271,13 +271,14 @@ def _cut(
 
 
 def _air_force(state: Array, direction: Array, arc: Record, arrays: MissionArrays) -> Array:
-    """Compute drag, and what ambient pressure takes of the thrust, N, shape (n, 3)."""
+    """Compute the force on the body less what ambient pressure takes, N, shape (n, 3)."""
     surroundings = arrays.environment[0], arrays.atmosphere
     found = []
     for row, along in zip(state, direction, strict=True):
         r, v = tuple(row[:3].tolist()), tuple(row[3:].tolist())
         lost = pressure_loss(arc, r, *surroundings)
-        found.append(np.array(drag(arc, r, v, *surroundings)) - lost * along)
+        force = np.array(body_force(arc, r, v, tuple(along.tolist()), *surroundings))
+        found.append(force - lost * along)
     return np.array(found)
 
 

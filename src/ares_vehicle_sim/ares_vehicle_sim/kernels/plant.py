@@ -21,7 +21,7 @@ from ares_models.arrays import (
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import (
     air_at,
-    drag,
+    body_force,
     is_in_air,
     local_vertical,
     pressure_loss,
@@ -181,13 +181,13 @@ def air_acceleration(
     mass: float,
     u: Vector,
 ) -> Vector:
-    """Return the acceleration by thrust less ambient pressure, and by drag, m/s2."""
+    """Return the acceleration by thrust less ambient pressure, and by the air, m/s2."""
     environment = mission.environment
     r, v = state
     net = 0.0
     if thrust > 0.0:
         net = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
-    force = drag(arc, r, v, environment, mission.atmosphere)
+    force = body_force(arc, r, v, u, environment, mission.atmosphere)
     return axpy(net / mass, u, scale(1.0 / mass, force))
 
 
@@ -724,7 +724,7 @@ def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     if thrust > 0.0:
         thrust = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
     truth.thrust = thrust
-    force = axpy(thrust, u, drag(arc, r, v, environment, mission.atmosphere))
+    force = axpy(thrust, u, body_force(arc, r, v, u, environment, mission.atmosphere))
     along = dot(force, u)
     truth.axial_acceleration = along / plant.mass
     truth.lateral_acceleration = norm(axpy(-along, u, force)) / plant.mass
