@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ares_models.input_file import KeyPath, format_number
 from ares_models.kernels.aerodynamics import pressure_loss
 from ares_models.kernels.environment import gravity
+from ares_models.kernels.thrust_curve import start_value
 from ares_models.mission_arcs import BurnArc
 from ares_models.mission_keys import MAX_FLIGHT_S, MIN_TIME_S, fail
 from ares_models.ranges import Range
@@ -111,16 +112,25 @@ def check_lift_off(mission: "Mission") -> None:
     first, environment = arrays.arcs[0], arrays.environment[0]
     r = tuple(start.position.tolist())
     ambient = pressure_loss(first, r, environment, arrays.atmosphere)
-    fraction = float(first["start_fraction"][0]) if first["tabled"] else 1.0
-    net = fraction * float(first["thrust"]) - ambient
+    fraction = start_value(first, 0.0) if first["tabled"] else 1.0
+    net = float(fraction * first["thrust"]) - ambient
     weight = start.mass_kg * math.hypot(*gravity(r, environment))
-    if net <= weight:
-        fail(
-            (*path, "thrust_n"),
-            arc.thrust_n,
-            f"more thrust than weight at lift-off, {weight:,.0f} N; the air of the pad takes "
-            f"{ambient:,.0f} N from it (exit_area_m2) and leaves {max(0.0, net):,.0f} N",
-        )
+    if net > weight:
+        return
+    expected = (
+        f"more thrust than weight at lift-off, {weight:,.0f} N; the air of the pad takes "
+        f"{ambient:,.0f} N from it (exit_area_m2) and leaves {max(0.0, net):,.0f} N"
+    )
+    boosters = enumerate(mission.stages[0].boosters)
+    lit = [(("stages", 0, "boosters", i), one) for i, one in boosters if one.ignition_s == 0.0]
+    for where, motor in ((path, arc), *lit):
+        table = motor.thrust_table
+        knot = max((k for k, (t, _) in enumerate(table or ()) if t == 0.0), default=0)
+        if table and table[knot][1] < max(force for _, force in table):
+            expected += "; begin the table when the thrust lifts the vehicle: nothing holds it down"
+            fail((*where, "thrust_table", knot, 1), table[knot][1], expected)
+    key = "thrust_n" if arc.thrust_table is None else "thrust_table"
+    fail((*path, key), arc.full_thrust_n, expected)
 
 
 def longest_flight(mission: "Mission") -> float:

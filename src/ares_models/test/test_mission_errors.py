@@ -1031,3 +1031,38 @@ def test_of_one_slip_nothing_else_is_wrong(tmp_path, old, new, problem):
     assert problem in caught.value.problems[0]
     # a key that is misspelt is missing too; of the list around it nothing is said
     assert not [line for line in caught.value.problems if " is a list of " in line]
+
+
+FALCON = MISSION.find("falcon9_leo_pad").read_text()
+ARIANE = MISSION.find("ariane5_eca_pad").read_text()
+_MERLIN = FALCON[FALCON.index("    thrust_n: 8227000.0") : FALCON.index("    vertical_rise_s: 8.0")]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text", "key"),
+    [
+        ("[0.0, 5950.0e3]", "[0.0, 0.0]", ARIANE, "boosters[0].thrust_table[0][1] is 0.0"),
+        (
+            _MERLIN,
+            "    thrust_table: [[0, 0], [1, 8.2e6], [152, 8.2e6]]\n    isp_s: 311\n",
+            FALCON,
+            "thrust_table[0][1] is 0.0",
+        ),
+        (
+            _MERLIN,
+            "    thrust_table: [[0, 0], [0, 5e6], [1, 8.2e6], [152, 8.2e6]]\n    isp_s: 311\n",
+            FALCON,
+            "thrust_table[1][1] is 5000000.0",
+        ),
+        ("thrust_n: 8227000.0", "thrust_n: 4e6", FALCON, "thrust_n is 4000000.0"),
+    ],
+)
+def test_a_pad_that_is_not_left_names_the_thrust_at_lift_off(tmp_path, old, new, text, key):
+    said = message(edited(tmp_path, old, new, text))
+    assert f"stages[0].{key}; expected more thrust than weight at lift-off, " in said
+    assert ("begin the table when the thrust lifts the vehicle" in said) == ("table" in key)
+
+
+def test_a_table_that_jumps_at_ignition_leaves_the_pad(tmp_path):
+    table = "    thrust_table: [[0, 0], [0, 8.2e6], [152, 8.2e6]]\n    isp_s: 311\n"
+    load_mission(edited(tmp_path, _MERLIN, table, FALCON))
