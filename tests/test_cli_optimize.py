@@ -66,6 +66,16 @@ def test_nothing_is_left_of_a_mission_that_its_programme_flies_whole(capsys, tmp
     )
 
 
+def test_an_end_of_a_programme_that_never_comes_has_file_and_line(capsys, tmp_path):
+    text = resources.files("ares_trials").joinpath("sweep", "programme.yaml").read_text()
+    file = tmp_path / "late.yaml"
+    file.write_text(text.replace("until: {end_of: first}", "until: {speed_m_s: 9e5}"))
+    for verb in (["optimize"], ["montecarlo", "-n", "4"]):
+        assert main([*verb, "--mission", str(file)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"ares: {file}: line 50: programme.until.speed_m_s is 900000; ")
+
+
 def test_a_jettison_can_be_held(capsys):
     assert main(["optimize", "--json", "--hold-jettison", "payload fairing=441.02"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -35,10 +35,22 @@ class CannotStart(Exception):
     """Report in one line why a request cannot start; "" if a node has printed the reason."""
 
 
-def refusal(error: Exception, mission: "Mission | None" = None) -> CannotStart:
-    """Fold an error into one line, with the names of a mission's arcs and jettisons."""
+def refusal(
+    error: Exception, mission: "Mission | None" = None, name: str | None = None
+) -> CannotStart:
+    """Fold an error into one line, with the names of a mission's arcs and jettisons.
+
+    Args:
+        error: what is wrong.
+        mission: that it concerns; None: none.
+        name: of the mission, shipped, or path of its file: a key that the error begins with gets
+            file and line; None: it gets none.
+    """
+    from ares_models.mission_warnings import at_its_line
+
     text = " ".join(str(error).split())
-    return CannotStart(mission.with_names(text) if mission else text)
+    text = mission.with_names(text) if mission else text
+    return CannotStart(at_its_line(text, name) if mission and name else text)
 
 
 @contextmanager

@@ -70,14 +70,15 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     """
     from ares_models.mission import load_mission
 
-    mission = load_mission(str(flown.get("mission", "ares_v")))
+    name = str(flown.get("mission", "ares_v"))
+    mission = load_mission(name)
     law = str(flown.get("law", PEG))
     if not (mission.needs_plan or asks_for_plan(mission, law)):
         return ""
     try:
         rehearsal = _prepare(mission, law, flown)
     except ValueError as error:
-        raise refusal(error, mission) from error
+        raise refusal(error, mission, name) from error
     try:
         if not mission.needs_plan:
             _check_start(rehearsal, law)

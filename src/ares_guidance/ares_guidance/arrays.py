@@ -446,7 +446,7 @@ LEG = np.dtype(
 )
 
 #: Attitude in the air: by the mission file, and from there on as planned off line, the thrust
-#: direction over the speed in the air.
+#: direction over the speed over the ground.
 PROGRAMME = np.dtype(
     [
         ("given_over", np.int64),  # 1: that of the mission file is over
@@ -461,7 +461,7 @@ PROGRAMME = np.dtype(
         ("next_cycle_time", np.float64),
         ("arc", np.int64, (MAX_PROGRAMME,)),  # index into the mission's arcs
         ("time", np.float64, (MAX_PROGRAMME,)),  # s, mission elapsed time, as planned
-        ("speed", np.float64, (MAX_PROGRAMME,)),  # m/s in the air, not falling within a burn
+        ("speed", np.float64, (MAX_PROGRAMME,)),  # m/s over the ground, not falling within a burn
         ("direction", np.float64, (MAX_PROGRAMME, 3)),  # unit vectors
     ],
     align=True,

@@ -13,9 +13,7 @@ from ares_guidance.floor import check_floor, held_burns, lifted
 from ares_models.arrays import (
     BURN,
     COAST,
-    HEATING_LIMIT,
     MAX_PROGRAMME,
-    MISSION_TIME,
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
@@ -30,6 +28,7 @@ from ares_models.arrays import (
 from ares_models.kernels.aerodynamics import body_force, pressure_loss
 from ares_models.kernels.boost import is_over
 from ares_models.kernels.environment import relative_velocity
+from ares_models.kernels.sequence import drop_time, last_ignition
 from ares_models.kernels.vectors import norm
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Elements, Insertion
@@ -531,11 +530,11 @@ class OfflineTrajectory:
                 inside += list(np.linspace(start, start + share * (stop - start), LATER)[1:-1])
             ends += [t for t in inside if t > first]
         environment = arrays.environment[0]
-        speed = np.array([self._air_speed(i, environment) for i in range(len(self.sample_time))])
+        speed = np.array([self._ground_speed(i, environment) for i in range(len(self.sample_time))])
         return tuple(self._programme(arrays, speed, end) for end in ends)
 
     def _programme(self, arrays: MissionArrays, speed: Array, end: float) -> Programme:
-        """Return the attitude programme up to a time, s; speed in the air by sample, m/s."""
+        """Return the attitude programme up to a time, s; speed over the ground by sample, m/s."""
         parts = []
         for k, start, stop in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
@@ -582,22 +581,14 @@ class OfflineTrajectory:
         state["heating_rate"] = math.nan
         state["arc"] = k
         state["arc_start_time"] = self.flown_start_time[flown]
+        now = float(self.sample_time[row])
+        ignited, ignition = last_ignition(k, float(self.flown_start_time[flown]), arrays.arcs)
+        heating = self.jettison_time if math.isfinite(self.jettison_time) else math.inf
         for j, jettison in enumerate(arrays.jettisons):
             over = bool(arrays.arcs["stage"][k] > jettison["stage"])
-            if over or self.sample_time[row] >= self._drop_time(jettison, arrays):
+            if over or now >= drop_time(jettison, ignited, ignition, now, heating):
                 state["jettisoned"] |= 1 << j
         return state
-
-    def _drop_time(self, jettison: np.void, arrays: MissionArrays) -> float:
-        """Return the planned time of a jettison, s; inf if it is not planned."""
-        if jettison["criterion"] == HEATING_LIMIT:
-            return self.jettison_time if math.isfinite(self.jettison_time) else math.inf
-        if jettison["criterion"] == MISSION_TIME:
-            return float(jettison["value"])
-        arcs = arrays.arcs[self.flown_arc]
-        burns = (arcs["stage"] == jettison["stage"]) & (arcs["kind"] == BURN)
-        ignition = self.flown_start_time[burns][0] if burns.any() else -math.inf
-        return float(ignition + jettison["value"])
 
     def _hand_over(self, arrays: MissionArrays) -> float:
         """Return the time from which the forces of the air are small, s; -inf: always.
@@ -623,8 +614,8 @@ class OfflineTrajectory:
                 end = max(end, float(stop))
         return end
 
-    def _air_speed(self, i: int, environment: Record) -> float:
-        """Return the speed in the air of a sample, m/s."""
+    def _ground_speed(self, i: int, environment: Record) -> float:
+        """Return the speed over the ground of a sample, m/s."""
         r, v = tuple(self.sample_position[i]), tuple(self.sample_velocity[i])
         return float(norm(relative_velocity(r, v, environment)))
 

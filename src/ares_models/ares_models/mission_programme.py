@@ -172,6 +172,11 @@ def check_programme(mission: "Mission") -> None:
     if until.time_s is not None and until.time_s <= begin:
         expected = f"a time after initial_state.time_s, {begin:g} s"
         fail(("programme", "until", "time_s"), until.time_s, expected)
+    kick = mission.programme.kick
+    if kick is not None and until.end_of is None and until.by[0] == kick.by[0]:
+        key, value = until.by
+        if value <= kick.by[1]:
+            fail(("programme", "until", key), value, f"more than {kick.by[1]:g}, that of its kick")
     if until.end_of is not None:
         last = last_arc_of(mission, until.end_of)
         if last is None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ares_models.heating import free_molecular_heating
-from ares_models.input_file import KeyPath, at_line, format_number, read_input
+from ares_models.input_file import KeyPath, at_line, format_number, format_path, read_input
 from ares_models.mission_arcs import BurnArc, CoastArc
 from ares_models.mission_target import TargetOrbit, parking_orbit
 from ares_models.orbits import Insertion
@@ -89,6 +89,22 @@ def file_warnings(name_or_path: str | Path) -> list[str]:
     path = MISSION.find(name_or_path)
     _, lines = read_input(path, MISSION)
     return [f"{path}: {at_line(doubt.path, doubt.text, lines)}" for doubt in doubts]
+
+
+def at_its_line(text: str, name_or_path: str | Path) -> str:
+    """Return a text with file and line before it if it begins with a key of a mission's file.
+
+    Args:
+        text: on a mission.
+        name_or_path: of the mission, as in :func:`ares_models.mission.load_mission`.
+    """
+    from ares_models.mission import MISSION
+
+    path = MISSION.find(name_or_path)
+    _, lines = read_input(path, MISSION)
+    key, _, _ = text.partition(" ")
+    line = next((line for known, line in lines.items() if format_path(known) == key), None)
+    return f"{path}: line {line}: {text}" if line else text
 
 
 def _doubts(mission: "Mission") -> Iterator[Doubt]:

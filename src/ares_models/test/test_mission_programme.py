@@ -104,6 +104,11 @@ BROKEN = {
         "until: {time_s: 0.0}",
         "programme.until.time_s is 0.0; expected a time after initial_state.time_s, 0 s",
     ),
+    "an end before the kick": (
+        "until: {end_of: first}",
+        "until: {speed_m_s: 50.0}",
+        "programme.until.speed_m_s is 50.0; expected more than 60, that of its kick",
+    ),
     "an end of no kind": (
         "until: {end_of: first}",
         "until: {}",

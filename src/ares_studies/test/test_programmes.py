@@ -358,9 +358,21 @@ def test_nothing_is_left_to_optimize_where_the_programme_flies_all():
         solve(flown_whole(TURN.replace("  until: {end_of: first}\n", "")), "auto")
 
 
-def test_a_programme_that_never_ends_is_refused():
-    made = mission(ends=("until: {end_of: first}", "until: {altitude_m: 1e7}"))
-    with pytest.raises(OptimizerError, match=r"programme\.until is not met"):
+@pytest.mark.parametrize(
+    ("end", "text"),
+    [
+        (
+            "until: {altitude_m: 1e7}",
+            r"programme\.until\.altitude_m is 1e\+07; expected .*, at [\d.]+ s: at most [\d,.]+$",
+        ),
+        ("until: {time_s: 3.0}", r"programme\.until is met at 3\.0 s, before the kick"),
+        ("kick_deg: 40", r"programme meets the ground at \d+\.\d s, before it ends$"),
+    ],
+)
+def test_a_programme_that_comes_to_no_good_end_is_refused(end, text):
+    old = "until: {end_of: first}" if end.startswith("until") else "kick_deg: 4.0"
+    made = mission(ends=(old, end))
+    with pytest.raises(OptimizerError, match=text):
         solve(made, "auto")
 
 

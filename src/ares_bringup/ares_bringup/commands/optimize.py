@@ -102,7 +102,7 @@ def optimize(
                 deadline=Deadline(time_limit_s, tell),
             )
     except (MissionError, OptimizerError) as error:
-        raise refusal(error, mission) from error
+        raise refusal(error, mission, mission_name) from error
     if as_json:
         print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
     else:
@@ -133,7 +133,7 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
         with search(quiet=as_json) as tell:
             found = greatest_payload(mission, time_limit_s, tell)
     except (MissionError, OptimizerError) as error:
-        raise refusal(error, mission) from error
+        raise refusal(error, mission, mission_name) from error
     if as_json:
         text = {"payload_kg": found.payload_kg, **found.solution.to_json(mission.arc_names)}
         print(json.dumps(text, indent=2, allow_nan=False))

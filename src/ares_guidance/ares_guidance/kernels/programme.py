@@ -2,7 +2,7 @@
 """Fly the air by an attitude programme until the forces of the air are small.
 
 The programme of the mission file, if it has one, is flown as it stands there. The other is the
-optimizer's thrust direction over the speed in the air, not over time, so that
+optimizer's thrust direction over the speed over the ground, not over time, so that
 a thrust that differs from the planned one moves the turn with it, as on the Space Shuttle and SLS.
 The law of the flight takes over at the last knot, or where an arc after it begins.
 """
@@ -12,7 +12,7 @@ import math
 from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.boost import boost_direction, is_over
+from ares_models.kernels.boost import PAST_PEAK, boost_direction, is_over
 from ares_models.kernels.environment import gravity, heating_rate, relative_velocity
 from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.vectors import Vector, add, axpy, dot, load, norm, scale, store, sub, unit
@@ -25,8 +25,6 @@ RATE_STEP = 0.01
 #: from which on the programme jumps before, and instants of which the mean is then taken.
 JUMP = 1e-3
 JUMP_SAMPLES = 32
-#: Share of the largest heating below which its peak is past.
-PAST_PEAK = 0.9
 
 
 @kernel
@@ -45,7 +43,7 @@ def knots_of(programme: Record, arc: int) -> tuple[int, int]:
 def planned_time(
     programme: Record, first: int, last: int, nav: Record, speed: float, burns: bool
 ) -> float:
-    """Return the planned time of a speed in the air, s; in a coast that since its begin.
+    """Return the planned time of a speed over the ground, s; in a coast that since its begin.
 
     A weak stage may lose speed first: until it has regained it, time counts there too.
 
@@ -54,7 +52,7 @@ def planned_time(
         first: knot at the begin of the present arc.
         last: knot at its end.
         nav: record NAVIGATION.
-        speed: in the air, m/s.
+        speed: over the ground, m/s.
         burns: the arc is a burn.
     """
     by_time = programme.time[first] + nav.time - nav.arc_start_time

@@ -13,6 +13,9 @@ from ares_models.kernels.environment import AT_REST, altitude, relative_velocity
 from ares_models.kernels.states import east_north_up
 from ares_models.kernels.vectors import Vector, add, dot, load, norm, scale, unit
 
+#: Share of the largest heating of a programme below which its peak is past: what waits drops then.
+PAST_PEAK = 0.9
+
 
 @kernel
 def measure(over: int, t: float, r: Vector, v: Vector, environment: Record) -> float:

@@ -6,9 +6,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionArrays
-from ares_models.kernels.boost import is_over
-from ares_models.kernels.sequence import SAME_TIME
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
+from ares_models.kernels.boost import PAST_PEAK, is_over, measure
+from ares_models.kernels.sequence import SAME_TIME, drop_time, last_ignition
+from ares_models.mission_programme import OVER
 from ares_models.plans import flies_open_loop
 from ares_optimizer.collocation import rollout
 from ares_optimizer.kernels import timetable
@@ -22,8 +23,8 @@ _STEP_S = 0.025
 _MOST_ROWS = 200_000
 #: Longest free coast that is flown for a programme, s.
 _LONGEST_COAST_S = 1e4
-#: Share of the largest heating below which its peak is past, as guidance has it.
-_PAST_PEAK = 0.9
+#: Depth at which a programme is below the ground, m: a start on it is not, whatever the rounding.
+_DEEP_M = 1.0
 
 
 def after_boost(
@@ -108,18 +109,52 @@ def _fly(arrays: MissionArrays, state: NDArray[np.void], drops: Array) -> Array:
         np.zeros(1, timetable.LAYOUT),
         track,
     )
-    last = track[max(rows - 1, 0)]
-    r, v = last[rollout.POSITION : rollout.VELOCITY], last[rollout.VELOCITY : rollout.DIRECTION]
-    t, k = float(last[rollout.TIME]), int(last[rollout.ARC])
-    if rows == 0 or not is_over(t, tuple(r), tuple(v), k, arrays.environment[0]):
+    if rows == 0:
         raise OptimizerError("programme.until is not met before the propellant is gone")
+    _check_track(track[:rows], arrays.environment[0])
     return track[:rows]
+
+
+def _check_track(track: Array, environment: Record) -> None:
+    """Check that a programme comes to its end, above the ground and after its kick.
+
+    Args:
+        track: of the programme, to its end or until the propellant is gone.
+        environment: record ENVIRONMENT.
+
+    Raises:
+        OptimizerError: it does not; one line that begins with the key.
+    """
+    boost = environment["boost"]
+
+    def come_to(over: int, row: Array) -> float:
+        """Return the time, altitude or speed of a row, by code."""
+        r, v = row[rollout.POSITION : rollout.VELOCITY], row[rollout.VELOCITY : rollout.DIRECTION]
+        return measure(over, float(row[rollout.TIME]), tuple(r), tuple(v), environment)
+
+    deep = np.flatnonzero(track[:, rollout.ALTITUDE] < -_DEEP_M)
+    if deep.size:
+        at = track[deep[0], rollout.TIME]
+        raise OptimizerError(f"programme meets the ground at {at:,.1f} s, before it ends")
+    over, end, t = int(boost["end_over"]), float(boost["end"]), track[-1, rollout.TIME]
+    if track[-1, rollout.ARC] <= boost["last_arc"] and come_to(over, track[-1]) < end:
+        key = next(key for key, code in OVER.items() if code == over)
+        most = max(come_to(over, row) for row in track)
+        raise OptimizerError(
+            f"programme.until.{key} is {end:g}; expected what the programme comes to before the "
+            f"propellant is gone, at {t:,.1f} s: at most {most:,.6g}"
+        )
+    kicks = boost["knots"] == 2 and boost["follows"] and boost["at"][0] == boost["at"][1]
+    if kicks and come_to(int(boost["over"]), track[-1]) < boost["at"][0]:
+        raise OptimizerError(
+            f"programme.until is met at {t:,.1f} s, before the kick; expected an end after it"
+        )
 
 
 def _heating_drops(arrays: MissionArrays, state: NDArray[np.void], track: Array) -> Array:
     """Return when the programme drops what waits for the heating, s; inf: not before its end."""
     heating = track[:, rollout.LOG_HEATING]
-    past = heating < np.maximum.accumulate(heating) + math.log(_PAST_PEAK)
+    past = heating < np.maximum.accumulate(heating) + math.log(PAST_PEAK)
     stage = arrays.arcs["stage"][track[:, rollout.ARC].astype(np.int64)]
     drops = np.full(len(arrays.jettisons), math.inf)
     for j, jettison in enumerate(arrays.jettisons):
@@ -148,18 +183,11 @@ def _state_at_end(
     if k != state["arc"][0]:
         found["arc"] = k
         found["arc_start_time"] = track[int(np.argmax(flown == k)), rollout.TIME]
-    lit = arcs["kind"][flown] == BURN
+    ignited, ignition = last_ignition(k, float(found["arc_start_time"][0]), arcs)
     # at an event there are two rows: what drops just then is off in the second only
     passed = len(track) > 1 and now - track[-2, rollout.TIME] < SAME_TIME
     for j, jettison in enumerate(arrays.jettisons):
-        at = drops[j]
-        if jettison["criterion"] == MISSION_TIME:
-            at = float(jettison["value"])
-        elif jettison["criterion"] != HEATING_LIMIT:
-            burns = lit & (arcs["stage"][flown] == jettison["stage"])
-            at = math.inf
-            if burns.any():
-                at = float(track[int(np.argmax(burns)), rollout.TIME] + jettison["value"])
+        at = drop_time(jettison, ignited, ignition, now, drops[j])
         due_now = abs(at - now) < SAME_TIME
         off = passed if due_now else at < now
         if off or arcs["stage"][k] > jettison["stage"]:
