@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from ares_models.mission import Mission
 
 MAX_STAGES = 8
+#: What to do with a vehicle none of whose burns can be free.
+_INSTEAD = "; where all burns are of fixed length a programme without until flies them"
 
 
 def check_mission(mission: "Mission") -> None:
@@ -100,7 +102,10 @@ def _check_free_arcs(mission: "Mission") -> None:
         fail((*path, "coast_s"), last.coast_s, "a burn as the last arc of the last stage")
     steered = not flown_whole(mission)
     if steered and not any(burn.free for stage in mission.stages for burn in stage.burns):
-        fail((*path, "burn_time_s"), last.burn_time_s, "free, for at least one burn")
+        if last.thrust_table is None:
+            fail((*path, "burn_time_s"), last.burn_time_s, f"free, for at least one burn{_INSTEAD}")
+        instead = f"thrust_n and burn_time_s: free in its place, for at least one burn{_INSTEAD}"
+        fail((*path, "thrust_table"), last.thrust_table, instead)
 
 
 def _check_parking_orbits(mission: "Mission") -> None:

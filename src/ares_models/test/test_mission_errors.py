@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from ares_models.mission import MISSION, MissionError, load_mission
+from ares_models.mission_programme import flown_whole
 
 TEXT = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
 SATURN = resources.files("ares_models").joinpath("missions", "saturn_v_as506.yaml").read_text()
@@ -1061,6 +1062,18 @@ def test_a_pad_that_is_not_left_names_the_thrust_at_lift_off(tmp_path, old, new,
     said = message(edited(tmp_path, old, new, text))
     assert f"stages[0].{key}; expected more thrust than weight at lift-off, " in said
     assert ("begin the table when the thrust lifts the vehicle" in said) == ("table" in key)
+
+
+def test_a_vehicle_of_solids_alone_is_told_what_flies_it(tmp_path):
+    table = "        thrust_table: [[0, 9e5], [300, 9e5]]\n        isp_s: 290\n"
+    motor = FALCON[FALCON.index("        thrust_n: 981000.0") : FALCON.index("\njettisons:")]
+    said = message(edited(tmp_path, motor, table, FALCON))
+    assert "stages[1].arcs[1].thrust_table is a list of 2; expected thrust_n and " in said
+    assert "burn_time_s: free in its place, for at least one burn; where all burns are of" in said
+    programme = "programme: {over: time_s, table: [[0, 90, 90], [20, 90, 90], [160, 20, 90]]}\n"
+    file = tmp_path / "flown.yaml"
+    file.write_text(FALCON.replace(motor, table).replace("\ntarget:", f"\n{programme}\ntarget:"))
+    assert flown_whole(load_mission(file))
 
 
 def test_a_table_that_jumps_at_ignition_leaves_the_pad(tmp_path):
