@@ -33,6 +33,7 @@ def test_one_json_object(ares, tmp_path):
     assert 1000.0 < mass["std"] < 4000.0
     assert said["flights_per_s"] > 0.0
     assert said["wall_s"] > 0.0
+    assert (said["planning_s"], said["by_peg_s"]) == (0.0, 0.0)
     assert said["outcomes"] == {"success": 40}
     table = pq.read_table(said["results"])
     assert table.num_rows == 40

@@ -450,6 +450,11 @@ class Law:
         )
 
     @property
+    def plan(self) -> ArcPlan | None:
+        """Return the plan that the law flies by; None: it has none."""
+        return self._arc_plan
+
+    @property
     def lacks_plan(self) -> bool:
         """Return whether the law flies by a plan and has none."""
         return self.by_plan and self._arc_plan is None

@@ -19,6 +19,8 @@ _BEYOND = 1.25
 #: Tolerance of the propellant left at the greatest payload, kg, and relative.
 _LEFT_KG = 1e-3
 _LEFT = 1e-6
+#: Propellant of the last burn, kg, below which the burns before it give too much.
+_NOTHING_KG = 1.0
 
 
 class NoFlight(Exception):
@@ -126,6 +128,9 @@ def propellant_left(mission: Mission, deadline: Deadline) -> float:
         deadline=deadline,
         verify=False,
     )
+    if not found.flyable and found.last_burn_kg < _NOTHING_KG:
+        # the burns before it reach the target, if not to the last metre: it takes more
+        return usable
     if not found.flyable:
         raise NoFlight(found.reason)
     dropped = mission.jettison_mass(int(arcs[-1]["stage"]))

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Test the greatest payload for a target."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from ares_models.mission import TEMPLATE, Mission, load_mission
+from ares_models.arrays import MissionArrays
+from ares_models.mission import TEMPLATE, Mission, load_mission, parse_mission
 from ares_optimizer import payload
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
@@ -53,3 +56,46 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
     with pytest.raises(OptimizerError, match=r"payload_kg is 90,000\.0: no flight"):
         greatest_payload(load_mission(TEMPLATE).model_copy(update={"payload_kg": 90_000.0}))
     assert len(tried) == 5
+
+
+def test_burns_of_fixed_length_that_give_too_much_say_so() -> None:
+    last = "thrust_n: 25800.0\n        isp_s: 343.0\n        burn_time_s: free\n"
+    post = """  - name: post-boost
+    dry_mass_kg: 30.0
+    propellant_kg: 40.0
+    arcs: [{coast_s: free}, {thrust_n: 1000.0, isp_s: 300.0, burn_time_s: free}]
+"""
+    text = TEMPLATE.read_text().replace("payload_kg: 200.0", "payload_kg: 20.0")
+    assert text.count(last) == 1
+    mission = parse_mission(text.replace(last, last.replace("free", "280.0") + post), "post.yaml")
+    lost = solve(mission, "auto")
+    assert not lost.flyable
+    assert lost.last_burn_kg < 1.0
+    assert lost.reason.endswith("make one of them free, or add payload")
+
+
+def test_burns_of_fixed_length_that_give_too_much_carry_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def found(mission: Mission | MissionArrays, *_args: object, **_settings: object) -> object:
+        """Stand for a vehicle that carries 900 kg, and is not flown with less than 150 kg."""
+        arrays = mission.arrays() if isinstance(mission, Mission) else mission
+        stack = float(arrays.arcs["stack_mass"][-1])
+        carried = stack - own
+        used = 2150.0 - 0.8 * (900.0 - carried)
+        idle = carried < 150.0
+        return SimpleNamespace(
+            flyable=not idle,
+            last_burn_kg=0.0 if idle else used,
+            m_f_kg=stack - dropped - used,
+            reason="off by 9 km",
+        )
+
+    mission = load_mission(TEMPLATE)
+    assert mission.payload_kg is not None
+    own = float(mission.arrays().arcs["stack_mass"][-1]) - mission.payload_kg
+    dropped = mission.jettison_mass(1)
+    monkeypatch.setattr(payload, "solve", found)
+    for first in (20.0, 300.0):
+        given = mission.model_copy(update={"payload_kg": first})
+        assert greatest_payload(given).payload_kg == pytest.approx(900.0, abs=0.01)

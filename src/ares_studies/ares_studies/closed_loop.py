@@ -133,6 +133,7 @@ def ready_law(
     guess: Solution | None = None,
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
+    plan: ArcPlan | None = None,
 ) -> Law:
     """Make a guidance law, ready for its first navigation state.
 
@@ -144,6 +145,7 @@ def ready_law(
             the answer of its method, and one that flies by a plan, which is solved.
         state: start of that solution, shape (1,), dtype NAVIGATION; None: the mission's start.
         time_limit_s: wall time of the search for a plan; None: no limit.
+        plan: of another such law; None: none, it is solved for.
 
     Raises:
         ValueError: the law cannot fly the mission, the guess is unusable, or the law has no
@@ -157,7 +159,9 @@ def ready_law(
         guess = solve(mission, law.kind.trajectory_method, state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))
-    elif (plan := arc_plan(mission, law.kind, state, time_limit_s, law.asks)) is not None:
+        return law
+    plan = plan or arc_plan(mission, law.kind, state, time_limit_s, law.asks)
+    if plan is not None:
         law.follow_arcs(plan)
         begin = mission.start().navigation() if state is None else state
         check_law(name, arrays, begin, plan)

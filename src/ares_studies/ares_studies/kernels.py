@@ -4,6 +4,7 @@
 `guarded_step` is PEG's; see `ares_studies.loops` for the other laws.
 """
 
+from ares_guidance.arrays import LAW_PEG
 from ares_guidance.kernels.entry import onboard_records
 from ares_guidance.kernels.guarded import guarded_step
 from ares_models.jit import inlined, kernel
@@ -28,21 +29,27 @@ def loop_records(loop: LoopArrays) -> Loop:
 
 
 @kernel
-def run(loop: Loop) -> None:
+def run(loop: Loop) -> int:
     """Fly from an initialized plant and its first navigation state to the end of the flight.
 
     The clock counts whole navigation periods in nanoseconds, as the simulator node does.
+
+    Returns:
+        the navigation states answered by PEG's solution, which stands in for another law.
     """
     plant = loop.vehicle.plant
     start_ns = round(plant.time * 1e9)
     period_ns = round(loop.vehicle.options.navigation_period * 1e9)
     tick = 0
+    by_peg = 0
     while plant.complete == 0:
         guarded_step(loop.believed, loop.onboard, loop.memory)
+        by_peg += loop.onboard.state.law == LAW_PEG
         accept_command(plant, loop.onboard.steering)
         tick += 1
         flight_step(loop.true, loop.vehicle, (start_ns + tick * period_ns) / 1e9)
         measure(loop.vehicle)
+    return by_peg
 
 
 @kernel

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -20,7 +20,7 @@ from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.commands.interrupts import note_written, report_interrupt
-from ares_bringup.options import refusal, self_starting
+from ares_bringup.options import PEG, refusal, self_starting
 from ares_bringup.parameter_tables import offered
 from ares_bringup.progress import bar
 from ares_bringup.rehearsal import rehearse
@@ -147,9 +147,13 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
         CannotStart: bad input; one line.
     """
     settings = options.settings()
+    clock = time.monotonic()
     flown = {"mission": options.mission, "law": settings.law}
     if line := rehearse(flown | vars(settings.options) | vars(settings.law_settings)):
         print(line, file=sys.stderr, flush=True)
+    with _one_line():
+        settings = settings.planned()
+    planning_s = time.monotonic() - clock
     if options.only:
         return _fly_alone(options, settings, begun)
     folder = options.out or new_bag(f"{settings.mission.name}_{settings.law}", _campaigns())
@@ -170,10 +174,17 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
                     _say_interrupted(store, options)
                     return EXIT_INTERRUPTED
             note_written(str(store.flights))
-            summary = summarize(store.flights, nominal_propellant(settings))
+            nominal = nominal_flight(settings)
+            summary = summarize(store.flights, float(nominal["propellant_used"]))
             reached = reaches(settings, summary.worst[FAILURES])
             report = _write_report(options, settings, summary, reached, store)
-            _report(options, settings, summary, reached, watch, (store.flights, report), begun)
+            times = {
+                "flights_per_s": watch.rate,
+                "planning_s": planning_s if settings.plan else 0.0,
+                "wall_s": time.monotonic() - begun,
+                "by_peg_s": _by_peg(settings, nominal),
+            }
+            _report(options, settings, summary, reached, times, (store.flights, report))
     return EXIT_DONE
 
 
@@ -181,16 +192,17 @@ def _campaigns() -> Path:
     return (workspace_root() or Path.cwd()) / CAMPAIGNS
 
 
-def nominal_propellant(settings: Settings) -> float:
-    """Return the propellant used by the last stage in the undispersed flight, kg."""
-    exact = Settings(
-        settings.mission,
-        Dispersions(),
-        law=settings.law,
-        law_settings=settings.law_settings,
-        options=settings.options,
-    )
-    return float(FlightRange(exact).fly(0, 1).results["propellant_used"][0])
+def nominal_flight(settings: Settings) -> np.void:
+    """Return the undispersed flight, record RESULT."""
+    flown: np.void = FlightRange(replace(settings, dispersions=Dispersions())).fly(0, 1).results[0]
+    return flown
+
+
+def _by_peg(settings: Settings, flown: np.void) -> float:
+    """Return for how long peg stands in for another law in a flight, record RESULT, s."""
+    if settings.law == PEG:
+        return 0.0
+    return float(flown["by_peg"]) * settings.options.navigation_period_s
 
 
 def _say_interrupted(store: Store, options: CampaignOptions) -> None:
@@ -293,15 +305,13 @@ def _report(
     settings: Settings,
     summary: Summary,
     reached: Mapping[int, Reach],
-    watch: _Watch,
+    times: Mapping[str, float | None],
     files: tuple[Path, Path],
-    begun: float,
 ) -> None:
     results, report = files
     said = {
         **_verdict(summary.tally),
-        "flights_per_s": watch.rate,
-        "wall_s": time.monotonic() - begun,
+        **times,
         "results": str(results.absolute()),
         "report": str(report.absolute()),
         "mission": settings.mission.name,
@@ -393,6 +403,12 @@ def _print(
         out.print(f"{name} {number(value, 1)} kg ({number(low, 1)} to {number(high, 1)})")
     out.print(f"              {tally.least:,.1f} to {tally.most:,.1f} kg")
     out.print("reserve       " + _reserve(summary, tally.n))
+    if said["by_peg_s"]:
+        out.print(
+            f"by peg        {said['by_peg_s']:,.0f} s of the undisturbed flight: {settings.law} "
+            "has no solution of its own there",
+            soft_wrap=True,
+        )
     for name, load in summary.loads.items():
         out.print(_load(name, load), soft_wrap=True)
     for name, influences in summary.influences.items():
@@ -406,8 +422,12 @@ def _print(
     if missing:
         out.print(f"and {missing:,} more failures")
     out.print()
-    rate = f", {number(said['flights_per_s'], 0)} flights/s" if said["flights_per_s"] else ""
-    out.print(f"wall time {said['wall_s']:.1f} s{rate}")
+    spent = f"wall time {said['wall_s']:.1f} s"
+    if said["planning_s"]:
+        spent += f", {said['planning_s']:.1f} s of it for the plan"
+    if said["flights_per_s"]:
+        spent += f", {number(said['flights_per_s'], 0)} flights/s"
+    out.print(spent)
     out.print(f"flights   {shown_path(said['results'])}", soft_wrap=True)
     out.print(f"report    {shown_path(said['report'])}", soft_wrap=True)
     out.print(f"again     {options.command('fly')} --flight K", soft_wrap=True)

@@ -43,6 +43,7 @@ from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     NOTHING_SAVED,
     OPTIMAL,
+    TOO_MUCH,
     Cause,
     Check,
     ConstraintCheck,
@@ -241,12 +242,12 @@ def verdict_of(
 ) -> Cause:
     """Return OPTIMAL, or the cause why a solution is not proven optimal."""
     broken = next((check for check in checks if not check.satisfied), None)
-    if broken is not None:
-        return Cause(
-            Status.NOT_OPTIMAL,
-            f"{check_obstacle((broken,))}, when flown by another integrator",
-        )
     propellant = free_propellant(proven.found)
+    if broken is not None:
+        reason = f"{check_obstacle((broken,))}, when flown by another integrator"
+        if propellant < _NOTHING_KG:
+            reason += f"; {TOO_MUCH}"
+        return Cause(Status.NOT_OPTIMAL, reason)
     if not math.isfinite(propellant):
         return Cause(Status.FEASIBLE, NOTHING_SAVED)
     # on the coarse intervals of the search, as the test uses dense matrices

@@ -26,6 +26,7 @@ RESULT = np.dtype(
         ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT
         ("converged", np.int64),  # 1: guidance had a solution, or flew a programme to the end
         ("iterations", np.int64),
+        ("by_peg", np.int64),  # navigation states answered by peg's solution, whatever the law
         ("navigation_refused", np.int64),  # states that guidance took for faults
         ("violations", np.int64),  # answers that its monitors held back
         ("on_board", np.int64),  # bit k: jettison k was not done before the cut-off

@@ -2,12 +2,13 @@
 """Fly flights of a campaign by number, without Python inside any of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import blank_onboard
+from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
 from ares_models.failures import Failure, check_failure
 from ares_models.mission import Mission
@@ -39,6 +40,8 @@ class Settings:
         law: one of `ares_guidance.registry.law_names`.
         law_settings: cycle and gates.
         options: integration of the plant.
+        plan: of what the mission leaves free; None: none, or each :class:`FlightRange` solves for
+            it.
     """
 
     mission: Mission
@@ -47,6 +50,16 @@ class Settings:
     law: str = "peg"
     law_settings: LawSettings = field(default_factory=LawSettings)
     options: SimulatorOptions = CAMPAIGN
+    plan: ArcPlan | None = field(default=None, compare=False)
+
+    def planned(self) -> "Settings":
+        """Return the settings with their plan, which is solved for once.
+
+        Raises:
+            ValueError: the law cannot fly the mission, or there is no plan; one line.
+        """
+        law = ready_law(self.mission, self.law, self.law_settings)
+        return replace(self, plan=law.plan)
 
 
 @dataclass(frozen=True)
@@ -84,7 +97,7 @@ class FlightRange:
         self.columns = self._sampler.columns
         self._nominal = nominal_truth(mission, settings.dispersions)
         believed = mission.arrays(foreseen=True)
-        law = ready_law(mission, settings.law, settings.law_settings)
+        law = ready_law(mission, settings.law, settings.law_settings, plan=settings.plan)
         self._fly_many = campaign_loop(law.kind)
         # the draws contain the atmosphere of each flight
         true = room_for_truth(self._nominal, self._nominal.atmosphere)

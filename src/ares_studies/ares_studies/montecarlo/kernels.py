@@ -124,5 +124,6 @@ def fly_many(
         workspace.vehicle.plant[0].failure = failures[k % failures.shape[0]]
         begin_flight(loop.true, loop.vehicle.plant)
         measure(loop.vehicle)
-        run(loop)
+        by_peg = run(loop)
         judge(loop, results[k])
+        results[k].by_peg = by_peg

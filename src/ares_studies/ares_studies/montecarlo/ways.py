@@ -61,7 +61,9 @@ class _Refly:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._law = ready_law(settings.mission, settings.law, settings.law_settings)
+        self._law = ready_law(
+            settings.mission, settings.law, settings.law_settings, plan=settings.plan
+        )
 
     def way(self, flight: int | None, name: str, role: Role) -> GlobeFlight:
         """Fly one flight for the globe; None: the undispersed one."""
