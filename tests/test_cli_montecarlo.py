@@ -13,6 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 from distributed import LocalCluster
 
+from ares_models.mission import TEMPLATE
+
 COMMAND = (sys.executable, "-m", "ares_bringup", "montecarlo")
 
 
@@ -60,6 +62,39 @@ def test_tables_for_people(ares, tmp_path, monkeypatch):
     assert done.stderr == ""
     page = (tmp_path / "c" / "report.html").read_text(encoding="utf-8")
     assert f"{again} --hold-time 8.0 --flight" in page
+
+
+def test_the_plan_and_what_peg_flies_of_it_are_told(ares, tmp_path):
+    words = ("montecarlo", "-n", "2", "--mission", "ariane5_eca_pad", "--guidance", "igm")
+    done = ares(*words, "--out", str(tmp_path / "c"))
+    assert done.returncode == 0, done.stderr
+    found = re.search(r"by peg +(\d+) s of the undisturbed flight: igm has no sol", done.stdout)
+    assert found
+    assert 600 < int(found[1]) < 650
+    assert re.search(r"wall time [\d.]+ s, [\d.]+ s of it for the plan, ", done.stdout)
+
+
+def test_a_j2_that_is_not_on_board_is_told_where_flights_miss_by_it(ares, tmp_path):
+    text = TEMPLATE.read_text()
+    for old, new in (
+        ("geodetic_latitude_deg: -39.26", "geodetic_latitude_deg: 62.9"),
+        ("inclination_deg: 45.0", "inclination_deg: 64.0"),
+        ("payload_kg: 200.0", "payload_kg: 120.0"),
+        ("thrust_n: 25800.0", "thrust_n: 20000.0"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    for name, known, misses in (("sphere", "0", 2), ("oblate", "0.00108263", 0)):
+        file = tmp_path / f"{name}.yaml"
+        file.write_text(text.replace("\n  earth:", f"\n  j2: {known}\n  earth:"))
+        out = ("--out", str(tmp_path / name))
+        said = ares("montecarlo", "-n", "2", "--mission", str(file), *out).stdout
+        assert f"succeeded                {2 - misses} " in said
+        line = (
+            "j2            0.0010826 in the dispersions, 0 on board: alone it takes 144 % of the "
+            "tolerance of flight path angle; name it in environment.j2\n"
+        )
+        assert (line in said) == (misses > 0)
 
 
 def test_flights_one_by_one(ares, tmp_path, monkeypatch):

@@ -355,6 +355,11 @@ def test_a_campaign_flies_by_the_plan(restart, monkeypatch):
     assert np.all(flown.results["terminal_accuracy"] == 1)
     assert np.all(flown.results["converged"] == 1)
     assert np.ptp(flown.results["cutoff_time"]) > 0.1
+    # the plan is solved for once, not by every thread
+    planned = settings.planned()
+    monkeypatch.delattr(closed_loop, "arc_plan")
+    again = FlightRange(planned).fly(0, 6)
+    assert again.results.tobytes() == flown.results.tobytes()
 
 
 def test_without_an_optimum_there_is_no_plan(restart, monkeypatch):

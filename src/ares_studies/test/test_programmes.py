@@ -120,6 +120,10 @@ target: {perigee_altitude_m: 200000.0, inclination_deg: 60.0}
 )
 
 
+#: The last burn of a mission that its programme flies whole.
+WHOLE_S = ("burn_time_s: free", "burn_time_s: 300.0")
+
+
 def mission(programme=TURN, **edits):
     text = TEXT.replace(TURN, programme)
     for old, new in edits.values():
@@ -246,6 +250,27 @@ def test_what_drops_as_the_programme_ends_is_off_in_the_plan():
     on = ends[1]["jettisoned"][0] == 0
     assert at - after == pytest.approx(0.1 * flow + 200.0 * on, abs=step)
     assert ends[2]["jettisoned"][0] == 1
+
+
+def test_a_drop_counts_from_the_ignition_and_not_from_where_the_plan_begins():
+    fairing = (
+        "\njettisons:\n  - {name: fairing, mass_kg: 200.0, stage: first, "
+        "time_after_ignition_s: 130.0}\ntarget:"
+    )
+    until = ("until: {end_of: first}", "until: {time_s: 140.0}")
+    made = mission(drop=("\ntarget:", fairing), ends=until)
+    simulator = Simulator(made)
+    law = ready_law(mission(whole=("  until: {end_of: first}\n", ""), fixed=WHOLE_S))
+    while simulator.navigation["time"] < 60.0:
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+    whole, rest = (
+        after_boost(made.arrays(), start)[0]
+        for start in (made.start().navigation(), np.array([simulator.navigation]))
+    )
+    assert rest["jettisoned"][0] == whole["jettisoned"][0] == 1
+    assert rest["mass"][0] == pytest.approx(whole["mass"][0], abs=1e-3)
 
 
 def test_a_limit_that_the_programme_passes_is_told(optimum):

@@ -29,6 +29,7 @@ from ares_bringup.whole_file import write_whole
 from ares_guidance.law import LawSettings
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
+from ares_models.judge import FIGURES
 from ares_models.mission import Mission, load_mission
 from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
@@ -37,7 +38,7 @@ from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import FAILURES, Load, Summary, Tally, summarize
 from ares_studies.montecarlo.store import Store, StoreError
-from ares_studies.montecarlo.table import FLAGS, make_table
+from ares_studies.montecarlo.table import FLAGS, Verdict, make_table
 from ares_studies.montecarlo.ways import make_ways, sampled
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN
@@ -48,6 +49,8 @@ EXIT_INTERRUPTED = 130
 #: Folder of new campaigns in the workspace.
 CAMPAIGNS = "campaigns"
 REPORT = "report.html"
+#: Share of a tolerance from which on a J2 that is not on board is told as a cause of misses.
+MUCH = 0.5
 #: Label, unit, factor and decimals of the loads in the summary.
 LOAD_WORDS = {
     "max_q_pa": ("max q", "kPa", 1e-3, 2),
@@ -196,6 +199,27 @@ def nominal_flight(settings: Settings) -> np.void:
     """Return the undispersed flight, record RESULT."""
     flown: np.void = FlightRange(replace(settings, dispersions=Dispersions())).fly(0, 1).results[0]
     return flown
+
+
+def foreign_j2(settings: Settings) -> str:
+    """Describe what a J2 that guidance has not takes of the tolerances; "" if it is not much."""
+    true, known = settings.dispersions.j2, settings.mission.environment.j2
+    if true is None or true == known:
+        return ""
+    flown = FlightRange(replace(settings, dispersions=Dispersions(j2=true))).fly(0, 1).results[0]
+    shares = {
+        figure.name.replace("_", " "): abs(flown[f"{figure.name}_error"])
+        / flown[f"{figure.name}_allowed"]
+        for figure in FIGURES
+        if int(flown["judged"]) & figure.bit
+    }
+    name, share = max(shares.items(), key=lambda item: item[1], default=("", 0.0))
+    if not share > MUCH:
+        return ""
+    return (
+        f"j2            {true:g} in the dispersions, {known:g} on board: alone it takes "
+        f"{100.0 * share:,.0f} % of the tolerance of {name}; name it in environment.j2"
+    )
 
 
 def _by_peg(settings: Settings, flown: np.void) -> float:
@@ -421,6 +445,8 @@ def _print(
     missing = tally.n - tally.counts["succeeded"] - len(said["failures"])
     if missing:
         out.print(f"and {missing:,} more failures")
+    if tally.outcomes[Verdict.TARGET_MISSED] and (line := foreign_j2(settings)):
+        out.print(line, soft_wrap=True)
     out.print()
     spent = f"wall time {said['wall_s']:.1f} s"
     if said["planning_s"]:
