@@ -56,13 +56,14 @@ def test_the_table_of_the_thesis_stands_beside_ours(capsys):
 def test_nothing_is_left_of_a_mission_that_its_programme_flies_whole(capsys, tmp_path):
     text = resources.files("ares_trials").joinpath("sweep", "programme.yaml").read_text()
     text = text.replace("  until: {end_of: first}\n", "").replace("_s: free", "_s: 300.0")
-    (tmp_path / "whole.yaml").write_text(text)
-    assert main(["optimize", "--mission", str(tmp_path / "whole.yaml")]) == 2
+    file = tmp_path / "whole.yaml"
+    file.write_text(text)
+    assert main(["optimize", "--mission", str(file)]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err == (
-        "ares: programme has no until: it flies the whole mission, and nothing is left to "
-        "optimize\n"
+        f"ares: {file}: line 46: programme has no until: it flies the whole mission, and nothing "
+        "is left to optimize\n"
     )
 
 

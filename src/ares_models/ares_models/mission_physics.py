@@ -121,11 +121,13 @@ def check_lift_off(mission: "Mission") -> None:
         f"more thrust than weight at lift-off, {weight:,.0f} N; the air of the pad takes "
         f"{ambient:,.0f} N from it (exit_area_m2) and leaves {max(0.0, net):,.0f} N"
     )
-    boosters = enumerate(mission.stages[0].boosters)
-    lit = [(("stages", 0, "boosters", i), one) for i, one in boosters if one.ignition_s == 0.0]
-    for where, motor in ((path, arc), *lit):
-        table = motor.thrust_table
-        knot = max((k for k, (t, _) in enumerate(table or ()) if t == 0.0), default=0)
+    tables = [(path, arc.thrust_table)]
+    for i, one in enumerate(mission.stages[0].boosters):
+        if one.ignition_s == 0.0:
+            tables.append((("stages", 0, "boosters", i), one.thrust_table))
+    for where, table in tables:
+        # at a jump the later value holds
+        knot = sum(t == 0.0 for t, _ in table or ()) - 1
         if table and table[knot][1] < max(force for _, force in table):
             expected += "; begin the table when the thrust lifts the vehicle: nothing holds it down"
             fail((*where, "thrust_table", knot, 1), table[knot][1], expected)
