@@ -154,14 +154,15 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
     flown = {"mission": options.mission, "law": settings.law}
     if line := rehearse(flown | vars(settings.options) | vars(settings.law_settings)):
         print(line, file=sys.stderr, flush=True)
-    with _one_line():
-        settings = settings.planned()
     planning_s = time.monotonic() - clock
     if options.only:
         return _fly_alone(options, settings, begun)
     folder = options.out or new_bag(f"{settings.mission.name}_{settings.law}", _campaigns())
     with _one_line():
         engine = choose(options.scheduler, options.workers)
+        clock = time.monotonic()
+        settings = settings.planned()
+        planning_s += time.monotonic() - clock
         # compiles the kernels, and checks that the dispersions fit the mission
         FlightRange(settings).fly(0, 1)
         with Store(folder, settings) as store:
