@@ -80,6 +80,7 @@ JOINS = {
     "floor_check",
     "out_of_reach",
     "payload",
+    "window",
     "foreknown",
     "rival",
     "solve",
