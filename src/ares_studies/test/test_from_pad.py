@@ -41,7 +41,7 @@ pytestmark = pytest.mark.long
 PUBLISHED_KG, PUBLISHED_S = 7529.712287, 924.139203
 #: Real launchers with the mass that each plan leaves, as found here.
 LAUNCHERS = {
-    "falcon9_leo_pad": 30482.70,
+    "falcon9_leo_pad": 30489.65,
     "ariane5_eca_pad": 16793.28,
     "falcon9_gto_pad": 14727.72,
     "saturn_v_as506_pad": 138539.3,

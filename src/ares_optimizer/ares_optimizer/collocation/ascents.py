@@ -6,6 +6,7 @@ ascent is solved alone first, to a low orbit, with its limits; what follows begi
 air, and is flown by the constants of a trial flight.
 """
 
+import math
 from collections.abc import Iterator
 from functools import partial
 from itertools import islice
@@ -13,9 +14,10 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import NAMES_ASCENDING_NODE, NAMES_INCLINATION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude
+from ares_models.kernels.judging import judged_by
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
     ascents_to_park,
@@ -34,6 +36,8 @@ from ares_optimizer.results import jettison_times
 #: Most first guesses of the ascent, and of what follows each ascent.
 _MOST_ASCENTS = 3
 _MOST_AFTER = 4
+#: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
+_EASTWARD = 1.0 - 1e-7
 
 
 def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
@@ -56,6 +60,36 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     search.ways = max(1, len(ways))
     # in turn, since the first guesses of each are the likeliest
     yield from in_turn(ways)
+
+
+def try_other_plane(search: Search) -> None:
+    """Solve the best flight from the pad in the other plane of the target's inclination.
+
+    Two planes with a free node pass over a site, one to the north and one to the south of east.
+    Their optima differ by the Earth's oblateness. The flight is mirrored at the plane of the
+    vertical and the east, where it is a good first guess; the starts that led to it count for its
+    image too.
+
+    Args:
+        search: with its best solution, if there is any; it may get another.
+    """
+    best, start, target = search.best, search.start, search.arrays.target[0]
+    named = int(judged_by(target))
+    one_plane = named & NAMES_ASCENDING_NODE or not named & NAMES_INCLINATION
+    if best is None or one_plane or plane_from_ground(search.arrays, start) is None:
+        return
+    up = start["position"][0] / np.linalg.norm(start["position"][0])
+    if abs(math.cos(float(target["inclination"]))) > _EASTWARD * math.hypot(up[0], up[1]):
+        return
+    east = np.cross([0.0, 0.0, 1.0], up)
+    north = np.cross(up, east / np.linalg.norm(east))
+    track = _track_of(best)
+    for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION):
+        vectors = track[:, at : at + 3]
+        vectors -= 2.0 * (vectors @ north)[:, None] * north
+    met = search.optima[0].met
+    search.try_start(TrialFlight(times_of(best.program, best.point.x), track, 0.0, limited=True))
+    search.optima[0].met = max(search.optima[0].met, met)
 
 
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
