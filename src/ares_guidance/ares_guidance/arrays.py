@@ -63,6 +63,10 @@ FLIP_NONE = 0
 FLIP_NEAR = 1
 FLIP_PAST = 2
 
+#: Steering in the air: the planned programme, or the optimum solved anew in each cycle.
+BOOST_PROGRAMME = 0
+BOOST_REPLAN = 1
+
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
 
@@ -84,6 +88,7 @@ GUIDANCE_SETTINGS = np.dtype(
         ("restart_time", np.float64),  # s to go; below it the steering is held, not restarted
         ("heating_source", np.int64),  # HEATING_MEASURED or HEATING_MODELLED
         ("heating_margin", np.float64),  # drop at limit x (1 - margin)
+        ("boost_steering", np.int64),  # BOOST_PROGRAMME or BOOST_REPLAN
         ("small_turn_limit", np.float64),  # rad; beyond it no small-angle expansion is used
         # bounds on a navigation state against the previous one, propagated to now
         ("navigation_gate", np.float64),  # sigmas
@@ -420,6 +425,10 @@ PLAN = np.dtype(
         # at the end of that leg, or of a free coast, m; 0: not known
         ("position", np.float64, (MAX_ARCS, 3)),
         ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
+        # 1: the orbit at the end is nearly a circle; radius, speed and flight-path angle there, and
+        # what the target names of its plane
+        ("ends_round", np.int64),
+        ("round_end", TARGET),
     ],
     align=True,
 )
@@ -463,6 +472,16 @@ PROGRAMME = np.dtype(
         ("time", np.float64, (MAX_PROGRAMME,)),  # s, mission elapsed time, as planned
         ("speed", np.float64, (MAX_PROGRAMME,)),  # m/s over the ground, not falling within a burn
         ("direction", np.float64, (MAX_PROGRAMME, 3)),  # unit vectors
+        ("replanned", np.int64),  # 1: the last cycle found the optimum through the air
+        ("replans", np.int64),  # cycles that found it
+        ("lost", np.int64),  # cycles in a row that did not
+        # its steering
+        ("new_time", np.float64),
+        ("new_direction", np.float64, (3,)),
+        ("new_rate", np.float64, (3,)),
+        # rates of primer and of -lambda_r there, 1/s
+        ("new_p_rate", np.float64, (3,)),
+        ("new_q_rate", np.float64, (3,)),
     ],
     align=True,
 )

@@ -28,6 +28,7 @@ from ares_models.arrays import (
 from ares_models.kernels.aerodynamics import body_force, pressure_loss
 from ares_models.kernels.boost import is_over
 from ares_models.kernels.environment import relative_velocity
+from ares_models.kernels.judging import judged_by
 from ares_models.kernels.sequence import drop_time, last_ignition
 from ares_models.kernels.vectors import norm
 from ares_models.mission_target import leaves_end_free
@@ -49,6 +50,8 @@ ELONGATED = 0.5
 #: Eccentricity above which a leg before a coast that touches its floor constrains the perigee: a
 #: burn that lacks energy lowers the apogee then.
 OVAL = 0.1
+#: Eccentricity below which an orbit is nearly a circle.
+ROUND = 0.02
 #: Acceleration by the forces of the air below which a law takes over from the programme, m/s2.
 HANDED_OVER_M_S2 = 0.01
 #: Later hand-overs in each burn, and the share of a burn that is not fixed up to which they go.
@@ -198,6 +201,7 @@ class ArcPlan:
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
             record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
+        self._write_round_end(record[0], arrays)
         if holds_plane and (self.programmes or arrays.environment["boost"]["knots"][0]):
             self._aim_at_plane(record[0], arrays)
         for k in np.flatnonzero(np.isinf(arcs["duration"]) | ends):
@@ -232,6 +236,34 @@ class ArcPlan:
             record["ignition"][0, index] = self.ignitions[index]
         record["jettison_time"] = self.jettison_time_s
         return record
+
+    def _write_round_end(self, record: np.void, arrays: MissionArrays) -> None:
+        """Write the planned end of the last arc, if its orbit is nearly a circle.
+
+        There the direction of the perigee, and the place relative to it, are badly conditioned.
+
+        Args:
+            record: record PLAN. Changed.
+            arrays: the mission.
+        """
+        end = self.ends.get(len(arrays.arcs) - 1)
+        target = arrays.target[0]
+        named = int(judged_by(target))
+        if end is None or not named & NAMES_INCLINATION:
+            return
+        mu = float(arrays.environment["mu"][0])
+        square = end.radius * end.speed**2 / mu
+        level = math.cos(end.flight_path_angle)
+        eccentricity = math.sqrt((square - 1.0) ** 2 * level**2 + (1.0 - level**2))
+        if eccentricity > ROUND:
+            return
+        record["ends_round"] = 1
+        record["round_end"] = target
+        plane = bool(named & NAMES_ASCENDING_NODE)
+        kinds = TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE
+        record["round_end"]["kind"] = kinds[plane]
+        for name in ("radius", "speed", "flight_path_angle"):
+            record["round_end"][name] = getattr(end, name)
 
     def _aim_at_plane(self, record: np.void, arrays: MissionArrays) -> None:
         """Aim at the planned ascending node if the target leaves it free.

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
+    BOOST_PROGRAMME,
+    BOOST_REPLAN,
     ERROR_NONE,
     GUIDANCE_SETTINGS,
     HEATING_MEASURED,
@@ -26,6 +28,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.guess import ArcPlan, OfflineTrajectory, Programme
 from ares_guidance.kernels.legs import step_by_legs
+from ares_guidance.kernels.programme import flies_programme
 from ares_guidance.kernels.segments import TABLE_PIECES
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
@@ -123,6 +126,7 @@ class LawSettings:
         1e4,
     )
     heating_source: str = "measured"
+    boost_steering: str = "programme"
     heating_margin: float = _setting(
         1e-4, "Fraction of the heating limit that the jettison stays below.", "", 0.0, 0.99
     )
@@ -170,11 +174,10 @@ class LawSettings:
         Raises:
             ValueError: naming the setting, its value and what was expected.
         """
-        if self.heating_source not in HEATING_SOURCES:
-            raise ValueError(
-                f"heating_source is {self.heating_source!r}; expected "
-                + " or ".join(HEATING_SOURCES)
-            )
+        for name, choices in CHOICES.items():
+            value = getattr(self, name)
+            if value not in choices:
+                raise ValueError(f"{name} is {value!r}; expected " + " or ".join(choices))
         for item in fields(self):
             if not item.metadata:
                 continue
@@ -197,6 +200,7 @@ class LawSettings:
         record["max_stale_cycles"] = self.max_stale_cycles
         record["restart_time"] = self.restart_time_s
         record["heating_source"] = HEATING_SOURCES[self.heating_source]
+        record["boost_steering"] = BOOST_STEERINGS[self.boost_steering]
         record["heating_margin"] = self.heating_margin
         record["small_turn_limit"] = math.radians(self.small_turn_limit_deg)
         record["steering_rate_limit"] = math.radians(self.steering_rate_limit_deg_s)
@@ -212,6 +216,8 @@ class LawSettings:
 
 
 HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
+BOOST_STEERINGS = {"programme": BOOST_PROGRAMME, "replan": BOOST_REPLAN}
+CHOICES = {"heating_source": HEATING_SOURCES, "boost_steering": BOOST_STEERINGS}
 
 
 @dataclass(frozen=True)
@@ -228,6 +234,8 @@ class LawKind:
             cannot start; "": the navigation state is enough.
         holds_attitude: it can aim burns in held attitude.
         meets_place: it can meet a target that names both argument of perigee and true anomaly.
+        flies_boost: kernel that answers in the air, with the arguments and result of
+            `kernels.programme.flies_programme`.
         memory: dtype of the law's own memory between navigation states, besides GUIDANCE_STATE.
             It is zero at the start of a flight; when navigation is acquired anew, it stays and
             the phase in GUIDANCE_STATE is PHASE_IDLE.
@@ -240,6 +248,7 @@ class LawKind:
     trajectory_method: str = ""
     holds_attitude: bool = False
     meets_place: bool = False
+    flies_boost: Callable[..., bool] = flies_programme
     memory: np.dtype[Any] = NO_MEMORY
 
     @property
@@ -320,7 +329,10 @@ def guarded(kind: LawKind) -> Callable[..., None]:
     """Return the step of a law between navigation gate and monitors, a `guarded_step`."""
     place = "guidance_step" if kind.memory == NO_MEMORY else "step_law"
     step: Callable[..., None] = specialised(
-        "ares_guidance.kernels.guarded", f"of_{kind.name}", **{place: kind.step}
+        "ares_guidance.kernels.guarded",
+        f"of_{kind.name}",
+        flies_programme=kind.flies_boost,
+        **{place: kind.step},
     ).guarded_step
     return step
 
@@ -372,6 +384,12 @@ class Law:
             raise ValueError(
                 f"law is {kind.name!r}; expected {PEG.name}, which flies burns with attitude: "
                 f"held, as arc {int(np.argmax(arcs['held']))} is"
+            )
+        replans = settings is not None and settings.boost_steering == "replan"
+        if replans and kind.flies_boost is flies_programme:
+            raise ValueError(
+                f"boost_steering is 'replan' and law is {kind.name!r}; expected law optimal, which "
+                "solves the flight through the air"
             )
         self._arrays = arrays
         self.kind = kind

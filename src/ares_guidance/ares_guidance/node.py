@@ -33,7 +33,7 @@ from ares_guidance.findings import (
     describe,
     describe_avoiding,
 )
-from ares_guidance.law import HEATING_SOURCES, LawSettings, why_no_plan
+from ares_guidance.law import BOOST_STEERINGS, HEATING_SOURCES, LawSettings, why_no_plan
 from ares_guidance.laws import FindsNoWay, check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.registry import law_names
@@ -107,6 +107,14 @@ PARAMETERS = (
         "What times the jettison: the measured heating, or the on-board atmosphere alone.",
         choices=tuple(HEATING_SOURCES),
         option="heating_source",
+    ),
+    Parameter(
+        "boost_steering",
+        "programme",
+        "Steering in the air: programme, the planned attitude over the speed; replan, the optimum "
+        "solved anew in each cycle, by law optimal.",
+        choices=tuple(BOOST_STEERINGS),
+        option="boost_steering",
     ),
     Parameter(
         "initial_guess",

@@ -30,7 +30,7 @@ from ares_guidance.arrays import (
 from ares_guidance.kernels.convergence import begin_again, seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
 from ares_guidance.kernels.failures import detect_failures, vehicle_left
-from ares_guidance.kernels.jettison import next_answer, predict_jettisons
+from ares_guidance.kernels.jettison import measure_density, next_answer, predict_jettisons
 from ares_guidance.kernels.near import (
     CHEAP_TURN,
     NEAR_ROUNDS,
@@ -59,7 +59,7 @@ from ares_guidance.kernels.shortfall import (
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
-from ares_models.kernels.environment import gravity, heating_rate
+from ares_models.kernels.environment import gravity
 from ares_models.kernels.sequence import SAME_TIME, awaits_heating
 from ares_models.kernels.targets import perigee_radius, target_speed
 from ares_models.kernels.vectors import (
@@ -422,14 +422,10 @@ def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
 
     Args: as in :func:`guidance_step`.
     """
-    environment = mission.environment
     nav = onboard.navigation
     state = onboard.state
     steering = onboard.steering
-    modelled = heating_rate(load(nav.position), load(nav.velocity), environment, mission.atmosphere)
-    state.density_ratio = nav.heating_rate / modelled if modelled > 0.0 else math.nan
-    if not (state.density_ratio > 0.0):
-        state.density_ratio = math.nan
+    measure_density(mission, onboard)
     if state.cycle == 0 and state.phase == 0:
         state.phase = PHASE_CONVERGING
         state.next_cycle_time = nav.time

@@ -17,7 +17,7 @@ from ares_guidance.kernels.prediction import (
 from ares_guidance.kernels.segments import acceleration_at, direction_time, thrust_integrals
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.environment import gravity, log_heating
+from ares_models.kernels.environment import gravity, heating_rate, log_heating
 from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.vectors import add, axpy, load, unit
 
@@ -124,6 +124,21 @@ def heating_crossing(
             return following if slope < 0.0 or excess <= 0.0 else math.inf
         t = following
     return math.inf
+
+
+@kernel
+def measure_density(mission: MissionRecords, onboard: Onboard) -> None:
+    """Measure the density over that on board from the heating; NaN if it is not measured.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: state of guidance. Its density ratio is changed.
+    """
+    nav = onboard.navigation
+    r, v = load(nav.position), load(nav.velocity)
+    modelled = heating_rate(r, v, mission.environment, mission.atmosphere)
+    ratio = nav.heating_rate / modelled if modelled > 0.0 else math.nan
+    onboard.state.density_ratio = ratio if ratio > 0.0 else math.nan
 
 
 @kernel

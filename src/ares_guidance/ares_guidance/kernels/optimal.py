@@ -88,6 +88,8 @@ LONGER = 1.02
 #: Largest number of integrator steps in one cycle. Successful searches take 60 in the median and
 #: 260 at most.
 MOST_STEPS = 1_500
+#: The same in the air, where steps are short and the Jacobian is of differences.
+MOST_STEPS_IN_AIR = 6_000
 #: Largest number of integrator steps in failed searches during one arc; then the law flies PEG
 #: until the next arc. It bounds the time spent on a hopeless mission to seconds.
 MOST_WASTED = 1_000_000
@@ -387,7 +389,7 @@ def search(
         memory.wasted = 0
     if memory.searched_in != onboard.state.cycle:
         memory.searched_in = onboard.state.cycle
-        memory.steps_left = MOST_STEPS
+        memory.steps_left = MOST_STEPS_IN_AIR if memory.options.in_air == 1 else MOST_STEPS
     memory.options.max_steps = min(memory.steps_left, MOST_WASTED - memory.wasted)
     if memory.options.max_steps <= 0:
         return 0, False

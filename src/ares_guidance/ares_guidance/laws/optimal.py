@@ -3,6 +3,7 @@
 
 from ares_guidance.arrays import LAW_OPTIMAL
 from ares_guidance.kernels.optimal import seek
+from ares_guidance.kernels.replan import flies_boost
 from ares_guidance.law import LawKind
 from ares_models.jit import specialised
 
@@ -15,4 +16,4 @@ _WHOLE = specialised(
     step_by_legs=_LEGS.step_by_legs,
 )
 
-LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole, meets_place=True)
+LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole, meets_place=True, flies_boost=flies_boost)

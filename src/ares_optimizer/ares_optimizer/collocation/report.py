@@ -85,7 +85,8 @@ def _steering_arcs(
         gained = 0.0
         primer_rate = None
         if phase["steering"] == GUIDED:
-            primer_rate = -adjoint.by_position[rows[0]] / size
+            scale = max(float(np.linalg.norm(adjoint.by_velocity[rows[0]])), 1e-300)
+            primer_rate = -adjoint.by_position[rows[0]] / scale
         if phase["steering"] != COASTING:
             k = int(program.segments[p]["arc"])
             exhaust = float(program.arrays.arcs[k]["exhaust_velocity"])

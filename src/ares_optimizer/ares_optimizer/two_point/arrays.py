@@ -86,6 +86,8 @@ OPTIONS = np.dtype(
         ("max_iterations", np.int64),
         ("tolerance", np.float64),  # of the last Newton step, in scaled unknowns
         ("max_steps", np.int64),  # of the integrator, in one search; 0: no limit
+        ("in_air", np.int64),  # 1: segments that begin before air_end are flown in the air
+        ("air_end", np.float64),  # s, from which on the forces of the air are small
     ],
     align=True,
 )
@@ -171,6 +173,8 @@ WORK = np.dtype(
         ("steps", np.int64, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
         ("lowest", np.float64),  # smallest radius of the last flight, m
+        ("free_kept", np.float64, (6, 6)),  # of the terminal frame, while differences are taken
+        ("pressure_share", np.float64),  # greatest dynamic pressure over its limit, in the air
         ("evaluations", np.int64),
         ("spent", np.int64),  # steps of the integrator, in this search
         ("stop", np.int64),  # another thread writes 1 here to end the search

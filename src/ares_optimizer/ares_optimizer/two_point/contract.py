@@ -12,6 +12,7 @@ from ares_optimizer.kernels.timetable import (
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
 )
+from ares_optimizer.two_point.kernels.air import Extremal, moved, rates, steering_in_air
 from ares_optimizer.two_point.kernels.free_arcs import lengths_inside
 from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
@@ -29,15 +30,19 @@ __all__ = [
     "CONVERGED",
     "HEATING_OPTIMAL",
     "MAX_UNKNOWNS",
+    "Extremal",
     "field_of",
     "find_optimum",
     "free_column",
     "gravity_terms",
     "lengths_inside",
+    "moved",
     "next_ignition",
     "propagated_back",
+    "rates",
     "scaled_length",
     "shoot",
+    "steering_in_air",
     "tangential_primer",
     "unknown_count",
 ]

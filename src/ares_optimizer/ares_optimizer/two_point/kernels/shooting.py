@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
-from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.sequence import SAME_TIME, awaits_heating
 from ares_models.kernels.vectors import (
     Vector,
     axpy,
@@ -39,6 +39,7 @@ from ares_optimizer.kernels.timetable import (
     segment_thrust,
 )
 from ares_optimizer.two_point.arrays import AT_ONCE, LINEAR, ROWS, RUNGE_KUTTA, Gravity
+from ares_optimizer.two_point.kernels.air import fly_in_air
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
 from ares_optimizer.two_point.kernels.costates import (
     integrate_segment,
@@ -222,6 +223,8 @@ def _jettison_rows(
         state[9 + n] += drop.weight * drop.by_r[n]
 
 
+#: Difference of an unknown in the air, in its unit.
+DIFFERENCE = 1e-6
 #: Ratio of the longest step in a coast to that in a burn.
 _COAST_STEPS = 4.0
 
@@ -315,6 +318,7 @@ def begin_flight(
         state[9 + i] = -unknowns[3 + i]
     square = state[0] * state[0] + state[1] * state[1] + state[2] * state[2]
     work.lowest = math.sqrt(square)
+    work.pressure_share = 0.0
     mu = mission.environment.mu
     omega_square = 0.0
     if options.gravity == LINEAR:
@@ -444,11 +448,14 @@ def _shoot(
         segment = work.segments[i]
         if segment.moves == 1 or segment.held > 0:
             work.columns = work.columns_wanted
-        # the number of steps never falls within a solve: no chatter between two grids
-        steps = max(step_count(segment, options.step), work.steps[i])
-        work.steps[i] = steps
-        work.spent += steps
-        fly_segment(segment, steps, gravity, options, work)
+        if options.in_air == 1 and segment.start < options.air_end - SAME_TIME:
+            work.spent += fly_in_air(segment, options.air_end, gravity, mission, work)
+        else:
+            # the number of steps never falls within a solve: no chatter between two grids
+            steps = max(step_count(segment, options.step), work.steps[i])
+            work.steps[i] = steps
+            work.spent += steps
+            fly_segment(segment, steps, gravity, options, work)
         if work.planned == 1:
             store_segment(i, mission.arcs, gravity, work)
         if segment.end_heating >= 0 and i + 1 < count:
@@ -504,6 +511,38 @@ def shoot_with_jacobian(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> bool:
-    """Evaluate residuals and Jacobian, arguments and result as :func:`shoot`."""
-    work.columns_wanted = unknown_count(start, mission, options)
-    return _shoot(start, mission, options, unknowns, work)
+    """Evaluate residuals and Jacobian, arguments and result as :func:`shoot`.
+
+    In the air the Jacobian is of differences.
+    """
+    n = unknown_count(start, mission, options)
+    if options.in_air == 0:
+        work.columns_wanted = n
+        return _shoot(start, mission, options, unknowns, work)
+    work.columns_wanted = 0
+    if not _shoot(start, mission, options, unknowns, work):
+        return False
+    # each flight turns the frame of the transversality conditions from where it was
+    frame = work.terminal_frame
+    for i in range(6):
+        for k in range(6):
+            work.free_kept[i, k] = frame.free[i, k]
+    for c in range(n):
+        kept = unknowns[c]
+        unknowns[c] = kept + DIFFERENCE * work.unit[c]
+        good = _shoot(start, mission, options, unknowns, work)
+        unknowns[c] = kept
+        for i in range(6):
+            for k in range(6):
+                frame.free[i, k] = work.free_kept[i, k]
+        if not good:
+            return False
+        for i in range(n):
+            work.jacobian[i, c] = work.residual[i]
+    if not _shoot(start, mission, options, unknowns, work):
+        return False
+    for c in range(n):
+        for i in range(n):
+            work.jacobian[i, c] -= work.residual[i]
+            work.jacobian[i, c] /= DIFFERENCE * work.unit[c]
+    return True
