@@ -145,6 +145,7 @@ class Launch:
             floor.arc: floor.altitude_m for floor in floors_of(arrays, self.start.navigation())
         }
         self._check()
+        self._fill_target()
         self.pieces = self._cut()
         vertical = self.arrays.arcs["vertical"]
         self.rise = sum(piece.length for piece in self.pieces if vertical[piece.arc])
@@ -271,9 +272,14 @@ class Launch:
         target["speed"] = math.sqrt(2.0 * mu * (1.0 / perigee - 1.0 / (perigee + apogee)))
         target["perigee_radius"], target["c3"] = perigee, -2.0 * mu / (perigee + apogee)
 
-    @cached_property
+    @property
     def orbit(self) -> tuple[float, float]:
-        """Return perigee radius, m, and C3, m2/s2, of the target; fill in what it implies."""
+        """Return perigee radius, m, and C3, m2/s2, of the target."""
+        target = self.arrays.target[0]
+        return float(target["perigee_radius"]), float(target["c3"])
+
+    def _fill_target(self) -> None:
+        """Write what the elements or the state of the target imply."""
         target, mu = self.arrays.target[0], float(self.environment["mu"])
         if target["kind"] == TARGET_KEPLERIAN:
             target["perigee_radius"] = target["semi_major_axis"] * (1.0 - target["eccentricity"])
@@ -282,7 +288,6 @@ class Launch:
         elif not target["perigee_radius"]:
             target["perigee_radius"] = target["radius"]
             target["c3"] = target["speed"] ** 2 - 2.0 * mu / target["radius"]
-        return float(target["perigee_radius"]), float(target["c3"])
 
     def normals(self) -> list[Array]:
         """Return the normals of the planes to launch into: northwards and southwards."""
