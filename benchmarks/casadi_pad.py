@@ -5,7 +5,7 @@ Radau collocation of degree 4: position and velocity at every node, at every col
 unit vector of thrust, lengths of what is free. The mass follows from these lengths. The air is a
 spline of the mission's table with a continuous second derivative. Limits of q and q alpha are
 relaxed in steps. Nothing is shared with the optimizer but the reading of missions. Left out:
-throttled and held burns, transients, wind, programmes. `pad_peer.py` finds starts.
+throttled and held burns, transients, lift, wind, programmes. `pad_peer.py` finds starts.
 """
 
 import math
@@ -155,6 +155,7 @@ class Launch:
         burns = arcs[arcs["kind"] == BURN]
         odd = burns["held"].any() or np.isfinite(burns["max_acceleration"]).any()
         odd = odd or burns["tail_knots"].any() or (jettisons["criterion"] == MISSION_TIME).any()
+        odd = odd or arcs["across_knots"].any() or arcs["body_axes"].any()
         if odd or self.environment["wind"]["knots"] or self.environment["boost"]["knots"]:
             raise ValueError("the peer leaves out what this mission has")
 
