@@ -5,9 +5,11 @@ A mission that `auto` calls optimal and another method betters by more than 0.01
 that another method solves and `auto` does not is missed. Flights are without dispersions; `ares
 fly` refuses those that end off the target, since it flies ahead what it is asked to fly. Where the
 burns of fixed length reach the target without the free one, no law wastes what they give too much.
+From the pad the other method is the peer of `pad_peer.py`, from ten starts.
 """
 
 import argparse
+import math
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -20,7 +22,7 @@ from figures import Figures, keep_option
 from launchers import LAWS, flown, losses
 
 from ares_models.judge import End
-from ares_models.mission import Mission
+from ares_models.mission import Mission, load_mission
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_trials.random_launchers import random_launcher
@@ -31,8 +33,9 @@ KINDS: dict[str, Callable[[int], Mission]] = {
     "coasting": random_coasting_mission,
     "pad": random_launcher,
 }
-#: `auto` begins with `collocation`.
-METHODS = ("auto", "indirect", "direct11")
+PEER = "peer"
+#: `auto` begins with `collocation`, the only method that knows the air.
+OTHERS = {"plain": ("indirect", "direct11"), "coasting": ("indirect", "direct11"), "pad": (PEER,)}
 #: Of the mass: less than another method's by more is wrong.
 SAME = 1e-4
 LIMIT_S = 60.0
@@ -42,24 +45,37 @@ NOTHING_KG = 1.0
 MUCH = 0.3
 
 
+def solved(mission: Mission, method: str) -> dict[str, Any]:
+    """Solve a mission by a method; return what was found, and the CPU time, s."""
+    began = time.process_time()
+    if method == PEER:
+        from pad_peer import Peer
+
+        answer = Peer(mission).plan()
+        return {
+            "status": f"{answer.solved} of {answer.starts}",
+            "final_mass_kg": answer.flight.mass if answer.flight else None,
+            "cpu_s": time.process_time() - began,
+        }
+    try:
+        found = solve(mission, method, time_limit_s=LIMIT_S)
+    except OptimizerError as error:
+        return {"status": "refused", "reason": str(error)}
+    return {
+        "status": str(found.status),
+        "reason": found.reason,
+        "final_mass_kg": found.m_f_kg if found.flyable else None,
+        "last_burn_kg": found.last_burn_kg,
+        "cpu_s": time.process_time() - began,
+    }
+
+
 def row(kind: str, seed: int, laws: tuple[str, ...]) -> dict[str, Any]:
     """Solve one mission by every method, and fly what `auto` found."""
     mission = KINDS[kind](seed)
     result: dict[str, Any] = {"name": mission.name, "kind": kind}
-    for method in METHODS:
-        began = time.process_time()
-        try:
-            found = solve(mission, method, time_limit_s=LIMIT_S)
-        except OptimizerError as error:
-            result[method] = {"status": "refused", "reason": str(error)}
-            continue
-        result[method] = {
-            "status": str(found.status),
-            "reason": found.reason,
-            "final_mass_kg": found.m_f_kg if found.flyable else None,
-            "last_burn_kg": found.last_burn_kg,
-            "cpu_s": time.process_time() - began,
-        }
+    for method in ("auto", *OTHERS[kind]):
+        result[method] = solved(mission, method)
     mass = result["auto"].get("final_mass_kg")
     if mass is not None:
         result["laws"] = {law: flown(mission, law, mass) for law in laws}
@@ -67,9 +83,14 @@ def row(kind: str, seed: int, laws: tuple[str, ...]) -> dict[str, Any]:
     return result
 
 
+def warm() -> None:
+    """Load what is compiled."""
+    solve(load_mission("delta_iii_pad"), "auto")
+
+
 def told(one: dict[str, Any]) -> list[str]:
     """Describe the faults of one row and of its flights."""
-    others = [one[method].get("final_mass_kg") or 0.0 for method in METHODS[1:]]
+    others = [one[method].get("final_mass_kg") or 0.0 for method in OTHERS[one["kind"]]]
     best, auto = max(others), one["auto"]
     mass = auto.get("final_mass_kg")
     said = []
@@ -87,6 +108,16 @@ def told(one: dict[str, Any]) -> list[str]:
     return said
 
 
+def summary(one: dict[str, Any]) -> str:
+    """Return what each method found, in one line."""
+    parts = [one["name"]]
+    for method in ("auto", *OTHERS[one["kind"]]):
+        found = one[method]
+        mass = found.get("final_mass_kg") or math.nan
+        parts.append(f"{method} {mass:.3f} kg, {found['status']}, {found.get('cpu_s', 0.0):.1f} s")
+    return "; ".join(parts)
+
+
 def add_sums(figures: Figures, rows: list[dict[str, Any]], laws: tuple[str, ...]) -> None:
     """Add what was found, missed, flown and lost to the figures."""
     solved = [one for one in rows if "laws" in one]
@@ -97,9 +128,16 @@ def add_sums(figures: Figures, rows: list[dict[str, Any]], laws: tuple[str, ...]
     kinds = Counter(line.partition(":")[0] for one in rows for line in told(one))
     for kind in ("wrong", "missed"):
         figures.add(kind, kinds[kind], "")
-    times = [one["auto"].get("cpu_s", 0.0) for one in rows]
-    figures.add("CPU time of auto, median", float(np.median(times)), "s")
-    figures.add("CPU time of auto, greatest", max(times), "s")
+    known = [one for one in rows if one.get(PEER, {}).get("final_mass_kg") is not None]
+    if known:
+        figures.add("solved by the peer", len(known), "")
+        planned = sum("laws" in one for one in known)
+        figures.add("of these with a plan", 100.0 * planned / len(known), "%")
+    for method in ("auto", *([PEER] if known else [])):
+        for group, those in (("", rows), (", with a plan", solved)):
+            times = [one[method].get("cpu_s", 0.0) for one in those if method in one]
+            figures.add(f"CPU time of {method}{group}, median", float(np.median(times)), "s")
+            figures.add(f"CPU time of {method}{group}, greatest", max(times), "s")
     for law in laws:
         lost = losses(solved, law)
         figures.add(f"{law}, on target", len(lost), "")
@@ -125,7 +163,7 @@ def main() -> None:
     options = parser.parse_args()
     laws = tuple(options.laws)
     rows = []
-    with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(options.workers, get_context("spawn"), warm) as pool:
         jobs = [
             pool.submit(row, kind, seed, laws)
             for kind in options.kinds
@@ -133,11 +171,13 @@ def main() -> None:
         ]
         for job in jobs:
             rows.append(job.result())
+            print(summary(rows[-1]), flush=True)
             for line in told(rows[-1]):
                 print(f"{rows[-1]['name']}: {line}", flush=True)
     seeds = f"{options.first} to {options.first + options.n - 1}"
     about = f"Random missions, seeds {seeds}, {' and '.join(options.kinds)}, warm process."
-    figures = Figures(__file__, about)
+    name = "random_missions_pad" if options.kinds == ["pad"] else __file__
+    figures = Figures(name, about)
     add_sums(figures, rows, laws)
     if options.keep:
         figures.keep()
