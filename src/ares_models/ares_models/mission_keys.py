@@ -35,6 +35,8 @@ def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
         value: found value.
         expected: expected value.
     """
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
     raise PydanticCustomError(
         "expected", "{expected}", {"path": path, "value": value, "expected": expected}
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ares_models.mission import MISSION, MissionError, load_mission
+from ares_models.mission import MISSION, MissionError, load_mission, parse_mission
 from ares_models.mission_programme import flown_whole
 
 TEXT = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
@@ -1079,3 +1079,14 @@ def test_a_vehicle_of_solids_alone_is_told_what_flies_it(tmp_path):
 def test_a_table_that_jumps_at_ignition_leaves_the_pad(tmp_path):
     table = "    thrust_table: [[0, 0], [0, 8.2e6], [152, 8.2e6]]\n    isp_s: 311\n"
     load_mission(edited(tmp_path, _MERLIN, table, FALCON))
+
+
+def test_part_that_does_not_go_with_another_is_told_without_its_content():
+    out = "    engine_out: {time_after_ignition_s: 20.0, engines: 9, lost: 1}\n"
+    text = MISSION.find("falcon9_leo_pad").read_text()
+    rise = "    vertical_rise_s: 8.0\n"
+    assert rise in text
+    with pytest.raises(MissionError) as refused:
+        parse_mission(text.replace(rise, rise + out), "out.yaml")
+    told = "stages[0].engine_out is a mapping; expected no such key beside vertical_rise_s"
+    assert told in str(refused.value)

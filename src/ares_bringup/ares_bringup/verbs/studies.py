@@ -151,7 +151,7 @@ def optimize(
 
 
 @app.command()
-@with_settings("cycle_period", "hold_time", "heating_source")
+@with_settings("cycle_period", "hold_time", "heating_source", "boost_steering")
 def montecarlo(
     n: Annotated[
         int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")

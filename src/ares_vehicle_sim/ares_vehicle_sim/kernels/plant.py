@@ -71,6 +71,7 @@ from ares_models.kernels.vectors import (
     norm,
     scale,
     store,
+    sub,
     unit,
 )
 from ares_vehicle_sim.arrays import (
@@ -107,6 +108,8 @@ MOST_STEPS = 1e7
 #: Steps over a gust, and acceleration by which a climb may change before it, m/s2.
 GUST_STEPS = 16.0
 MOST_CLIMB_CHANGE = 50.0
+#: Density above which the forces of the air are integrated with the motion, kg/m3; at 97 km.
+THIN_AIR = 1e-6
 #: Speed in the air below which a vehicle has no angle of attack, m/s.
 SLOW_AIR = 1e-3
 #: Largest absolute time for a clock in nanoseconds, s.
@@ -535,6 +538,14 @@ def integrate_in_air(
 
 
 @kernel
+def meets_air(mission: MissionRecords, plant: Record) -> bool:
+    """Return whether the air is dense where an arc in the air is, or the arc is a vertical rise."""
+    rises: bool = mission.arcs[plant.arc].vertical == 1
+    here = density(load(plant.position), mission.environment, mission.atmosphere)
+    return rises or here > THIN_AIR
+
+
+@kernel
 def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     """Integrate to ``end`` in one Runge-Kutta-Nystroem step of order 4, thrust linear in time.
 
@@ -576,7 +587,8 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     v = load(plant.velocity)
     m = plant.mass
     m_end = m - h * fm
-    if is_in_air(arc):
+    in_air = is_in_air(arc)
+    if in_air and meets_air(mission, plant):
         if arc.vertical == 1:
             u0 = um = u1 = local_vertical(r, environment)
         masses = (m, m - 0.25 * h * (f0 + fm), m_end)
@@ -593,12 +605,17 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     s0 = scale(t0 / m, u0)
     sm = scale(tm / (m - 0.25 * h * (f0 + fm)), um)
     s1 = scale(t1 / m_end, u1)
+    thin = s0
     if throttled(plant, arc, t):
         engine = (arc.exhaust_velocity, arc.mass_flow)
         kind, _ = throttle_regime(arc, engine, m)
         if kind == LIMITED:
             s0, sm, s1 = limited_thrust(arc.max_acceleration, (u0, um, u1))
             m_end = mass_after(arc, engine, kind, m, h)
+    if in_air:
+        # thin air acts as at the begin of the step
+        thin = sub(air_acceleration(mission, arc, (r, v), t0, m, u0), thin)
+        s0, sm, s1 = add(s0, thin), add(sm, thin), add(s1, thin)
     a0 = add(s0, gravity(r, environment))
     am = add(sm, gravity(axpy(0.5 * h, axpy(0.25 * h, a0, v), r), environment))
     a1 = add(s1, gravity(axpy(h, axpy(0.5 * h, am, v), r), environment))
@@ -659,7 +676,7 @@ def integrate_to(mission: MissionRecords, vehicle: Vehicle, end: float, largest:
     for i in range(1, steps + 1):
         at = end if i == steps else start + (end - start) * i / steps
         integrate(mission, vehicle, at)
-        if is_in_air(mission.arcs[plant.arc]):
+        if is_in_air(mission.arcs[plant.arc]) and meets_air(mission, plant):
             note_loads(mission, plant)
         if i == steps or plant.peak_heating_after_jettison > 0.0:
             sense(mission, plant)

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion and costates of an extremal in the air."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ares_models.jit import kernel
+from ares_models.kernels.records import mission_records
+from ares_models.mission import load_mission
+from ares_optimizer.two_point.kernels.air import Extremal, rates
+from ares_optimizer.two_point.kernels.gravity import field_of
+
+Array = NDArray[np.float64]
+THRUST_SHARE, MASS_KG = 0.9, 50e3
+P = np.array([0.5, 0.6, 0.2])
+Q = np.array([-1e-3, 2e-3, 1e-3])
+
+
+@kernel
+def rates_of(
+    mission: Any, arc: int, r: Any, v: Any, p: Any, q: Any, thrust: float, mass: float
+) -> Extremal:
+    records = mission_records(mission)
+    field = field_of(records.environment)
+    return rates(records.arcs[arc], Extremal(r, v, p, q), thrust, mass, field, records)
+
+
+# without limits; with a limit of q alpha, wind, and axial and normal force, limit acting
+@pytest.mark.parametrize(
+    ("name", "arc"),
+    [
+        ("delta_iii_pad", 0),
+        ("falcon9_iss_pad", 1),
+        ("src/ares_trials/ares_trials/sweep/pad.yaml", 1),
+    ],
+)
+def test_costates_follow_the_gradient_of_the_hamiltonian(name: str, arc: int) -> None:
+    mission = load_mission(name)
+    arrays = mission.arrays()
+    start = mission.start()
+    up = start.position / np.linalg.norm(start.position)
+    r = start.position + 9000.0 * up
+    v = start.velocity + 250.0 * up + np.array([30.0, 200.0, 50.0])
+    p = P + 0.5 * up
+    thrust = THRUST_SHARE * float(arrays.arcs[arc]["thrust"])
+
+    def at(r: Array, v: Array) -> Extremal:
+        state = (tuple(map(float, part)) for part in (r, v, p, Q))
+        return rates_of(arrays, arc, *state, thrust, MASS_KG)
+
+    def pulled(r: Array, v: Array) -> float:
+        return float(np.dot(p, at(r, v).v))
+
+    here = at(r, v)
+    by_r = [(pulled(r + d, v) - pulled(r - d, v)) / 2.0 for d in np.eye(3)]
+    by_v = [(pulled(r, v + d) - pulled(r, v - d)) / 0.02 for d in 0.01 * np.eye(3)]
+    assert here.r == pytest.approx(v)
+    assert here.q == pytest.approx(by_r, abs=2e-6 * np.abs(by_r).max())
+    assert here.p == pytest.approx(Q - by_v, abs=2e-6 * np.abs(Q - by_v).max())
