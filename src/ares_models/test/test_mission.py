@@ -54,6 +54,7 @@ def test_shipped_missions():
         "saturn_v_as506_pad",
         "saturn_v_tli",
         "soyuz_fregat",
+        "soyuz_sso_pad",
         "space_shuttle_sts121",
         "vulcan_gto",
     )

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion and costates of an extremal in the air."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ares_trials
 from ares_models.jit import kernel
 from ares_models.kernels.records import mission_records
 from ares_models.mission import load_mission
 from ares_optimizer.two_point.kernels.air import Extremal, rates
 from ares_optimizer.two_point.kernels.gravity import field_of
 
+SWEPT = Path(ares_trials.__file__).parent / "sweep" / "pad.yaml"
 Array = NDArray[np.float64]
 THRUST_SHARE, MASS_KG = 0.9, 50e3
 P = np.array([0.5, 0.6, 0.2])
@@ -28,16 +31,19 @@ def rates_of(
     return rates(records.arcs[arc], Extremal(r, v, p, q), thrust, mass, field, records)
 
 
-# without limits; with a limit of q alpha, wind, and axial and normal force, limit acting
+# The last has a limit of q alpha that acts, wind, axial and normal force: there the direction is
+# the best one to first order in the normal force.
 @pytest.mark.parametrize(
-    ("name", "arc"),
+    ("name", "arc", "accuracy"),
     [
-        ("delta_iii_pad", 0),
-        ("falcon9_iss_pad", 1),
-        ("src/ares_trials/ares_trials/sweep/pad.yaml", 1),
+        ("delta_iii_pad", 0, 2e-6),
+        ("falcon9_iss_pad", 1, 2e-6),
+        (str(SWEPT), 1, 1e-3),
     ],
 )
-def test_costates_follow_the_gradient_of_the_hamiltonian(name: str, arc: int) -> None:
+def test_costates_follow_the_gradient_of_the_hamiltonian(
+    name: str, arc: int, accuracy: float
+) -> None:
     mission = load_mission(name)
     arrays = mission.arrays()
     start = mission.start()
@@ -58,5 +64,5 @@ def test_costates_follow_the_gradient_of_the_hamiltonian(name: str, arc: int) ->
     by_r = [(pulled(r + d, v) - pulled(r - d, v)) / 2.0 for d in np.eye(3)]
     by_v = [(pulled(r, v + d) - pulled(r, v - d)) / 0.02 for d in 0.01 * np.eye(3)]
     assert here.r == pytest.approx(v)
-    assert here.q == pytest.approx(by_r, abs=2e-6 * np.abs(by_r).max())
-    assert here.p == pytest.approx(Q - by_v, abs=2e-6 * np.abs(Q - by_v).max())
+    assert here.q == pytest.approx(by_r, abs=accuracy * np.abs(by_r).max())
+    assert here.p == pytest.approx(Q - by_v, abs=accuracy * np.abs(Q - by_v).max())
