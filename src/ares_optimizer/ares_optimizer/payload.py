@@ -107,7 +107,23 @@ def greatest_payload(
         else:
             high, left_high = middle, there
     best = mission.model_copy(update={"payload_kg": low})
-    return Greatest(best, low, solve(best, "auto", deadline=Deadline(time_limit_s, report)))
+    found = solve(best, "auto", deadline=Deadline(time_limit_s, report))
+    if not found.flyable:
+        # with no propellant to spare other first guesses count: the flight of the search has enough
+        found = _with_any_propellant(best, Deadline(time_limit_s, report), verify=True)
+    return Greatest(best, low, found)
+
+
+def _with_any_propellant(mission: Mission, deadline: Deadline, verify: bool = False) -> Solution:
+    """Solve a mission whose last stage is nearly all propellant."""
+    return solve(
+        with_more_propellant(mission.arrays()),
+        "auto",
+        state=mission.start().navigation(),
+        heating=mission.heating_limit_holds,
+        deadline=deadline,
+        verify=verify,
+    )
 
 
 def propellant_left(mission: Mission, deadline: Deadline) -> float:
@@ -120,14 +136,7 @@ def propellant_left(mission: Mission, deadline: Deadline) -> float:
     arcs = arrays.arcs
     usable = float(arcs[-1]["propellant"])
     stack = float(arcs["stack_mass"][arcs["stage"] == arcs[-1]["stage"]][0])
-    found = solve(
-        with_more_propellant(arrays),
-        "auto",
-        state=mission.start().navigation(),
-        heating=mission.heating_limit_holds,
-        deadline=deadline,
-        verify=False,
-    )
+    found = _with_any_propellant(mission, deadline)
     if not found.flyable and found.last_burn_kg < _NOTHING_KG:
         # the burns before it reach the target, if not to the last metre: it takes more
         return usable

@@ -47,10 +47,17 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
         return 0.8 * (900.0 - mission.payload_kg)
 
     monkeypatch.setattr(payload, "propellant_left", left)
-    monkeypatch.setattr(payload, "solve", lambda *_args, **_settings: None)
+
+    def solved(given: Mission | MissionArrays, *_args: object, **_settings: object) -> object:
+        """Stand for a search that finds the flight only with propellant to spare."""
+        return SimpleNamespace(flyable=not isinstance(given, Mission))
+
+    monkeypatch.setattr(payload, "solve", solved)
     for first in (1200.0, 230.0, 950.0):
         mission = load_mission(TEMPLATE).model_copy(update={"payload_kg": first})
-        assert greatest_payload(mission).payload_kg == pytest.approx(900.0, abs=0.01)
+        greatest = greatest_payload(mission)
+        assert greatest.payload_kg == pytest.approx(900.0, abs=0.01)
+        assert greatest.solution.flyable
     assert max(tried) >= 1000.0
     tried.clear()
     with pytest.raises(OptimizerError, match=r"payload_kg is 90,000\.0: no flight"):

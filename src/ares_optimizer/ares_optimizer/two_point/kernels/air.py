@@ -48,7 +48,7 @@ class Extremal(NamedTuple):
     q: Vector
 
 
-class Steering(NamedTuple):
+class BestDirection(NamedTuple):
     """Hold the direction that maximizes the Hamiltonian, within the limit of q alpha.
 
     Attributes:
@@ -63,7 +63,9 @@ class Steering(NamedTuple):
 
 
 @kernel
-def _limited(wanted: Vector, w: Vector, limit: float, pressure: float, slope: float) -> Steering:
+def _limited(
+    wanted: Vector, w: Vector, limit: float, pressure: float, slope: float
+) -> BestDirection:
     """Return the direction next to ``wanted`` whose sine of the angle of attack is limited.
 
     Args:
@@ -81,7 +83,7 @@ def _limited(wanted: Vector, w: Vector, limit: float, pressure: float, slope: fl
     sine = limit / pressure
     free = (0.0, 0.0, 0.0)
     if sine >= 1.0 or size < _LEAST_SINE or (size <= sine and along > 0.0):
-        return Steering(wanted, free, 0.0)
+        return BestDirection(wanted, free, 0.0)
     cosine = math.sqrt(1.0 - sine * sine)
     u = axpy(sine / size, across, scale(cosine, ahead))
     # by the direction of the air, and by the limit as q changes: d sine = -sine d(ln q)
@@ -89,13 +91,13 @@ def _limited(wanted: Vector, w: Vector, limit: float, pressure: float, slope: fl
     gain = size * cosine - sine * along
     shrink = -gain * sine / cosine
     by_w = axpy(turn, across, scale(2.0 * shrink / (speed * speed), w))
-    return Steering(u, by_w, shrink * slope)
+    return BestDirection(u, by_w, shrink * slope)
 
 
 @kernel
 def steering_in_air(
     arc: Record, r: Vector, v: Vector, p: Vector, thrust: float, mission: MissionRecords
-) -> Steering:
+) -> BestDirection:
     """Return the thrust direction of an extremal.
 
     Args:
@@ -108,7 +110,7 @@ def steering_in_air(
     """
     environment, atmosphere = mission.environment, mission.atmosphere
     if arc.vertical == 1:
-        return Steering(local_vertical(r, environment), (0.0, 0.0, 0.0), 0.0)
+        return BestDirection(local_vertical(r, environment), (0.0, 0.0, 0.0), 0.0)
     wanted = unit(p)
     if has_attitude(arc):
         up = altitude_gradient(r, environment)
@@ -116,7 +118,7 @@ def steering_in_air(
         pull = (dot(force.turned[0], p), dot(force.turned[1], p), dot(force.turned[2], p))
         wanted = unit(axpy(thrust, p, pull))
     if math.isinf(arc.max_q_alpha):
-        return Steering(wanted, (0.0, 0.0, 0.0), 0.0)
+        return BestDirection(wanted, (0.0, 0.0, 0.0), 0.0)
     air = air_at(altitude(r, environment), environment, atmosphere)
     w = air_velocity(r, v, environment)
     pressure = 0.5 * air.density * dot(w, w)
@@ -143,7 +145,7 @@ def rates(
     g, by_place = gravity_terms(r, gravity, p)
     acceleration, p_rate, q_rate = g, x.q, by_place
     per = 1.0 / mass
-    steering = Steering((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    steering = BestDirection((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
     if arc.kind != COAST and thrust > 0.0:
         lost, slope = pressure_loss_terms(arc, r, environment, atmosphere)
         net = thrust - lost
