@@ -27,11 +27,13 @@ def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=10_000, help="flights of each campaign")
+    parser.add_argument("--replans", type=int, default=2_000, help="of those that plan anew")
     parser.add_argument("--optima", type=int, default=60, help="flights beside their own optimum")
     parser.add_argument("--missions", nargs="+", default=MISSIONS)
     keep_option(parser)
     options = parser.parse_args()
-    figures = Figures(__file__, f"{options.n:,} flights from the pad each, standard_pad, seed 0.")
+    about = f"{options.n:,} flights from the pad, {options.replans:,} by replan, standard_pad."
+    figures = Figures(__file__, about)
     dispersions = load_dispersions("standard_pad")
     for name in options.missions:
         mission = load_mission(name)
@@ -44,7 +46,8 @@ def main() -> None:
             )
             flights.fly(0, 1)
             began = time.process_time()
-            flown = flights.fly(0, options.n)
+            count = options.replans if boost == "replan" else options.n
+            flown = flights.fly(0, count)
             spent = time.process_time() - began
             results = flown.results
             arrived = np.all([results[key] == 1 for key in ARRIVED], axis=0)
@@ -63,7 +66,7 @@ def main() -> None:
             figures.add(f"{what}: q alpha, 99.7 %", float(np.quantile(angle, 0.997)), "kPa rad")
             left = float(np.quantile(results["mass"][arrived], 0.003))
             figures.add(f"{what}: final mass of 99.7 %", left, "kg")
-            figures.add(f"{what}: flights per second of one core", options.n / spent, "1/s")
+            figures.add(f"{what}: flights per second of one core", count / spent, "1/s")
     if options.keep:
         figures.keep()
 
