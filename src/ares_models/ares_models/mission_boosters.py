@@ -17,6 +17,7 @@ from pydantic import ConfigDict, Field, model_validator
 from ares_models.arrays import MAX_KNOTS
 from ares_models.mission_arcs import BurnArc, check_curve
 from ares_models.mission_keys import (
+    HEAVIEST_KG,
     Area,
     Delay,
     Duration,
@@ -69,6 +70,10 @@ class Booster(Part):
 
     @model_validator(mode="after")
     def _one_form(self) -> "Booster":
+        most = HEAVIEST_KG / self.count
+        if self.dry_mass_kg > most:
+            expected = f"at most {most:g} kg, because {self.count} of them drop at once"
+            fail(("dry_mass_kg",), self.dry_mass_kg, expected)
         if self.thrust_table is not None:
             check_curve("thrust_table", self.thrust_table)
             for key in ("thrust_n", "burn_time_s", "isp_s"):

@@ -5,6 +5,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from ares_models.input_file import read_input
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer import auto
-from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation import report, rollout
 from ares_optimizer.collocation.carry import carried_point
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import TrialFlight
@@ -491,11 +492,12 @@ def test_times_that_make_no_flight_are_refused() -> None:
         )
 
 
-def test_a_part_that_is_still_on_is_told_in_words():
+def test_a_part_that_is_still_on_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "free_propellant", lambda _found: math.inf)
     left = ConstraintCheck(
         Check.JETTISON_BEFORE_CUTOFF, "jettison 0", 0.0, 1.0, False, "1", False, jettison=0
     )
-    cause = verdict_of(None, None, (left,), 0.0)
+    cause = verdict_of(None, SimpleNamespace(found=None), (left,), 0.0)
     assert cause.reason == "jettison 0 is still on at the cut-off, when flown by another integrator"
 
 
