@@ -64,6 +64,7 @@ def test_tables_for_people(ares, tmp_path, monkeypatch):
     assert f"{again} --hold-time 8.0 --flight" in page
 
 
+@pytest.mark.trial
 def test_the_plan_and_what_peg_flies_of_it_are_told(ares, tmp_path):
     words = ("montecarlo", "-n", "2", "--mission", "ariane5_eca_pad", "--guidance", "igm")
     done = ares(*words, "--out", str(tmp_path / "c"))

@@ -65,6 +65,7 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
     assert len(tried) == 5
 
 
+@pytest.mark.trial
 def test_burns_of_fixed_length_that_give_too_much_say_so() -> None:
     last = "thrust_n: 25800.0\n        isp_s: 343.0\n        burn_time_s: free\n"
     post = """  - name: post-boost

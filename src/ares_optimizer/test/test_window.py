@@ -18,7 +18,7 @@ STATION = "falcon9_iss_pad"
 
 @pytest.fixture(scope="module")
 def station() -> Window:
-    return launch_window(load_mission(STATION), 5)
+    return launch_window(load_mission(STATION), 2)
 
 
 def test_best_launch_time_is_within_two_minutes_of_the_real_one(station: Window) -> None:
@@ -30,10 +30,10 @@ def test_each_launch_beside_the_best_costs_more(station: Window) -> None:
     best = station.best.final_mass_kg
     costs = np.array([best - launch.final_mass_kg for launch in station.launches])
     assert all(launch.solution.converged for launch in station.launches)
-    minutes = np.arange(-5, 6)
+    minutes = np.arange(-2, 3)
     # a plane change grows with the square of the time, to the accuracy of the best time
-    assert costs == pytest.approx(costs[-1] / 25.0 * minutes**2, abs=2.0)
-    assert costs[-1] > 100.0
+    assert costs == pytest.approx(costs[-1] / 4.0 * minutes**2, abs=1.0)
+    assert costs[-1] > 15.0
 
 
 def test_best_time_is_right_to_its_accuracy(station: Window) -> None:
