@@ -75,6 +75,7 @@ def test_the_plan_and_what_peg_flies_of_it_are_told(ares, tmp_path):
     assert re.search(r"wall time [\d.]+ s, [\d.]+ s of it for the plan, ", done.stdout)
 
 
+@pytest.mark.trial
 def test_a_j2_that_is_not_on_board_is_told_where_flights_miss_by_it(ares, tmp_path):
     text = TEMPLATE.read_text()
     for old, new in (

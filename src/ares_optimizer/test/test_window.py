@@ -18,7 +18,7 @@ STATION = "falcon9_iss_pad"
 
 @pytest.fixture(scope="module")
 def station() -> Window:
-    return launch_window(load_mission(STATION), 2)
+    return launch_window(load_mission(STATION), 0)
 
 
 def test_best_launch_time_is_within_two_minutes_of_the_real_one(station: Window) -> None:
@@ -26,7 +26,9 @@ def test_best_launch_time_is_within_two_minutes_of_the_real_one(station: Window)
     assert abs(station.best.later_s) < 120.0
 
 
-def test_each_launch_beside_the_best_costs_more(station: Window) -> None:
+@pytest.mark.trial
+def test_each_launch_beside_the_best_costs_more() -> None:
+    station = launch_window(load_mission(STATION), 2)
     best = station.best.final_mass_kg
     costs = np.array([best - launch.final_mass_kg for launch in station.launches])
     assert all(launch.solution.converged for launch in station.launches)

@@ -678,7 +678,7 @@ def test_a_law_takes_over_where_it_finds_its_way():
     assert float(simulator.plant["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
 
 
-@pytest.mark.parametrize("minutes", [-5, 5])
+@pytest.mark.parametrize("minutes", [pytest.param(-5, marks=pytest.mark.trial), 5])
 def test_costs_beside_the_best_launch_time_are_those_of_flights(minutes):
     best = launched_later(load_mission("falcon9_iss_pad"), -86.0)
 
