@@ -14,6 +14,7 @@ from ares_optimizer.solution import Check, OptimizerError, Status
 from ares_optimizer.solve import solve
 
 
+@pytest.mark.trial
 def test_the_last_stage_just_runs_dry_with_the_greatest_payload() -> None:
     mission = load_mission(TEMPLATE)
     found = greatest_payload(mission)

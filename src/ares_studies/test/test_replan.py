@@ -56,6 +56,7 @@ def test_replan_saves_propellant_where_an_engine_fails(launcher):
     assert replan - programme > 100.0
 
 
+@pytest.mark.trial
 def test_replan_flies_dispersed_flights_no_worse(launcher):
     mission, solution = launcher
     gains = [
