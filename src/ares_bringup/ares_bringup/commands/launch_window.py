@@ -5,13 +5,9 @@ import json
 import math
 from typing import Any
 
-from ares_bringup.commands.optimize import NOT_FOUND, VERDICTS, plain_table
-from ares_bringup.doubts import show_warnings
-from ares_bringup.options import refusal
-from ares_bringup.progress import search
+from ares_bringup.commands.optimize import NOT_FOUND, VERDICTS, plain_table, sought
 from ares_bringup.report import BLANK, console
-from ares_models.mission import Mission, MissionError, load_mission
-from ares_optimizer.solution import OptimizerError
+from ares_models.mission import Mission
 from ares_optimizer.window import Launch, Window, launch_window
 
 
@@ -27,14 +23,11 @@ def optimize_launch(mission_name: str, minutes: int, as_json: bool, time_limit_s
     Raises:
         CannotStart: bad mission, or one whose launch time does not matter; one line.
     """
-    mission: Mission | None = None
-    try:
-        mission = load_mission(mission_name)
-        show_warnings(mission_name)
-        with search(quiet=as_json) as tell:
-            found = launch_window(mission, minutes, time_limit_s, tell)
-    except (MissionError, OptimizerError) as error:
-        raise refusal(error, mission) from error
+    mission, found = sought(
+        mission_name,
+        as_json,
+        lambda mission, tell: launch_window(mission, minutes, time_limit_s, tell),
+    )
     if as_json:
         rows = [_facts(launch, found.best) for launch in found.launches]
         text = {"best": _facts(found.best, found.best), "launches": rows}
@@ -71,20 +64,22 @@ def _print(mission: Mission, found: Window) -> None:
     late = best["after_file_s"]
     beside = f"{abs(late):,.0f} s {'after' if late > 0.0 else 'before'} that of the file"
     out.print(f"best launch time of {mission.name}: {beside}")
-    key = "zero_longitude_deg" if mission.epoch is None else "epoch"
-    given = mission.environment.earth.zero_longitude_deg is not None
-    moved = ["zero_longitude_deg"] if given else []
-    for name in dict.fromkeys([key, *moved]):
-        out.print(f"  {name}: {best[name]}")
+    there = {
+        "epoch": mission.epoch,
+        "zero_longitude_deg": mission.environment.earth.zero_longitude_deg,
+    }
+    moved = [key for key, value in there.items() if value is not None]
+    for key in moved:
+        out.print(f"  {key}: {best[key]}")
     out.print()
-    table = plain_table("min", key, "final mass kg", "costs kg", "")
+    table = plain_table("min", moved[0], "final mass kg", "costs kg", "")
     for launch in found.launches:
         facts = _facts(launch, found.best)
         minute = round(facts["after_best_s"] / 60.0)
         mass, cost = facts["final_mass_kg"], facts["cost_kg"]
         table.add_row(
             f"{minute:+d}" if minute else "0",
-            str(facts[key]),
+            str(facts[moved[0]]),
             BLANK if mass is None else f"{mass:,.1f}",
             BLANK if cost is None else f"{cost:,.1f}",
             facts["status"] if facts["status"] == facts["reason"] else facts["reason"],

@@ -3,9 +3,10 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from rich.console import Console
@@ -23,7 +24,7 @@ from ares_models.mission_physics import longest_flight
 from ares_models.mission_warnings import FAR_ABOVE
 from ares_models.plans import flies_in_air
 from ares_models.registry import registered
-from ares_optimizer.deadline import Deadline
+from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import (
     Check,
@@ -34,6 +35,8 @@ from ares_optimizer.solution import (
     SteeringArc,
 )
 from ares_optimizer.solve import solve
+
+Found = TypeVar("Found")
 
 EXIT_OPTIMAL = 0
 EXIT_NOT_FOUND = 1
@@ -126,14 +129,9 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
     Raises:
         CannotStart: bad mission, or one without a variable payload; one line.
     """
-    mission: Mission | None = None
-    try:
-        mission = load_mission(mission_name)
-        show_warnings(mission_name)
-        with search(quiet=as_json) as tell:
-            found = greatest_payload(mission, time_limit_s, tell)
-    except (MissionError, OptimizerError) as error:
-        raise refusal(error, mission, mission_name) from error
+    mission, found = sought(
+        mission_name, as_json, lambda mission, tell: greatest_payload(mission, time_limit_s, tell)
+    )
     if as_json:
         text = {"payload_kg": found.payload_kg, **found.solution.to_json(mission.arc_names)}
         print(json.dumps(text, indent=2, allow_nan=False))
@@ -143,6 +141,31 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
         out.print(f"greatest payload: {found.payload_kg:,.2f} kg; the file has {asked:,.2f} kg")
         _print(found.mission, found.solution, out)
     return VERDICTS.get(found.solution.status, NOT_FOUND)[1]
+
+
+def sought(
+    mission_name: str,
+    as_json: bool,
+    seek: Callable[[Mission, Callable[[Progress], None]], Found],
+) -> tuple[Mission, Found]:
+    """Load a mission, show its warnings, and seek with a bar; return the mission and what is found.
+
+    Args:
+        mission_name: shipped name or path.
+        as_json: no bar is shown.
+        seek: of a mission and what the progress is told to.
+
+    Raises:
+        CannotStart: bad mission, or one that cannot be sought for; one line.
+    """
+    mission: Mission | None = None
+    try:
+        mission = load_mission(mission_name)
+        show_warnings(mission_name)
+        with search(quiet=as_json) as tell:
+            return mission, seek(mission, tell)
+    except (MissionError, OptimizerError) as error:
+        raise refusal(error, mission, mission_name) from error
 
 
 @cache
