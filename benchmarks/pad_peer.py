@@ -3,7 +3,8 @@
 
 From the vertical the pitch falls as a power of time, in planes that lead north and south. With a
 free coast the ascent is solved alone first, to a low circle and to a low perigee with the target's
-apogee; a coast and a burn along the velocity follow. The best is solved again on finer intervals.
+apogee; a coast and a burn along the velocity follow. The best is solved again on finer intervals,
+until its mass no longer changes.
 """
 
 import argparse
@@ -34,8 +35,10 @@ STEPS_S = (1.5, 6.0)
 DENSE_S = 5.0
 #: Share of a piece: nearer to one of its ends a drop is tried on the other side.
 NEAR = 1e-3
-#: Intervals of the last solution are so many times shorter.
-FINER = 1.7
+#: Intervals of the last solutions are so many times shorter, in turn, until the mass changes by a
+#: smaller share.
+FINER = (1.7, 3.0, 5.0, 8.0)
+SAME = 2e-5
 #: A miss of one: altitude, m, flight-path angle, rad, and speed, m/s.
 MISS = (100e3, 0.06, 200.0)
 
@@ -231,7 +234,7 @@ class Peer:
         best = max(good, key=lambda flight: flight.mass) if good else None
         if best is not None:
             best = self._moved(launch, best)
-            best = Program(launch, best, FINER).solve(best, (1.0,)) or best
+            best = self._refined(launch, best)
         return Answer(best, len(good), len(guesses), time.process_time() - began)
 
     def _solve(self, launch: Launch, guess: Flight, **options: Any) -> Flight | None:
@@ -259,6 +262,17 @@ class Peer:
             if not guesses:
                 break
         return guesses
+
+    def _refined(self, launch: Launch, flight: Flight) -> Flight:
+        """Solve on finer intervals until the mass no longer changes, or none is found."""
+        for finer in FINER:
+            before, found = flight.mass, Program(launch, flight, finer).solve(flight, (1.0,))
+            if found is None:
+                break
+            flight = found
+            if abs(flight.mass - before) < SAME * before:
+                break
+        return flight
 
     def _moved(self, launch: Launch, flight: Flight) -> Flight:
         """Move drops that would rather be in the next piece, or in the one before."""

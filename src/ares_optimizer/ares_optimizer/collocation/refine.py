@@ -50,9 +50,11 @@ PRESSURE_SPREAD = 1e-2
 SAG = 0.5
 #: Most solutions with adjusted floors.
 _MOST_LEVELS = 3
-#: Share of a pressure limit by which a flight may exceed it, and from which intervals are too long.
+#: Share of a pressure limit by which a flight may exceed it, and from which intervals are too long,
+#: on the finest and on others: to narrow a limit costs mass.
 _OVER = 0.9 * PRESSURE_SHARE
 _FAR_OVER = 2e-2
+_COARSE_OVER = 3e-3
 #: Checks of the pressure limits, by kind of constraint.
 _CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_ALPHA}
 #: Tolerances between the ends of a program and of its verification, m and m/s.
@@ -112,7 +114,8 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
             break
         if not steady and finer < factors[-1]:
             continue
-        proven = _within_limits(search, _verified(search, found, adjoint))
+        most = _FAR_OVER if finer == factors[-1] else _COARSE_OVER
+        proven = _within_limits(search, _verified(search, found, adjoint), most)
         found = proven.found
         if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
             break
@@ -140,8 +143,14 @@ def _with_levels(
     return FoundOptimum(program, point, mass_of(program, point))
 
 
-def _within_limits(search: Search, proven: Proven) -> Proven:
-    """Narrow the pressure limits at the states until the flight between them keeps its own."""
+def _within_limits(search: Search, proven: Proven, most_over: float) -> Proven:
+    """Narrow the pressure limits at the states until the flight between them keeps its own.
+
+    Args:
+        search: of the mission.
+        proven: the point on its intervals.
+        most_over: share of a limit by which a flight may exceed it to be mended so.
+    """
     factors = dict.fromkeys(proven.found.program.limit_rows, 1.0)
     for _ in range(_MOST_LEVELS):
         if proven.flight is None or search.request.deadline.passed:
@@ -150,7 +159,7 @@ def _within_limits(search: Search, proven: Proven) -> Proven:
         over = False
         for stage, kind in factors:
             most, limit = pressure_peaks(search.arrays, proven.flight, _CHECKS[kind])[stage]
-            if limit * (1.0 + _OVER) < most < limit * (1.0 + _FAR_OVER):
+            if limit * (1.0 + _OVER) < most < limit * (1.0 + most_over):
                 over = True
                 factors[stage, kind] *= limit * (1.0 + 0.5 * _OVER) / most
         if not over:
