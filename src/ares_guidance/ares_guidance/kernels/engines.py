@@ -52,6 +52,51 @@ def filter_ratio(before: float, measured: float) -> float:
 
 
 @kernel
+def begin_stage(arcs: NDArray[Any], onboard: Onboard) -> None:
+    """Set the ratios to 1 where none is known of the present stage.
+
+    Args: as in :func:`watch_engines`.
+    """
+    state = onboard.state
+    if state.thrust_ratio == 0.0 or arcs[onboard.navigation.arc].stage != state.engines.stage:
+        state.thrust_ratio = 1.0
+        state.flow_ratio = 1.0
+
+
+@kernel
+def measures_one_burn(arcs: NDArray[Any], onboard: Onboard) -> bool:
+    """Return whether one arc alone has burnt, at full thrust, since the last measurement.
+
+    Args: as in :func:`watch_engines`.
+    """
+    nav = onboard.navigation
+    engines = onboard.state.engines
+    return bool(
+        engines.mass > 0.0
+        and nav.jettisoned == engines.jettisoned
+        and nav.arc == engines.arc
+        and 0.0 < nav.mass < engines.mass
+        and burns_steadily(nav, engines.time, arcs)
+    )
+
+
+@kernel
+def note_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
+    """Keep the navigation state that the next measurement begins with.
+
+    Args: as in :func:`watch_engines`.
+    """
+    nav = onboard.navigation
+    engines = onboard.state.engines
+    engines.time = nav.time
+    engines.mass = nav.mass
+    engines.arc = nav.arc
+    engines.stage = arcs[nav.arc].stage
+    engines.jettisoned = nav.jettisoned
+    store(engines.sensed_delta_v, load(nav.sensed_delta_v))
+
+
+@kernel
 def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
     """Measure thrust and mass flow of the present burn against the mission's.
 
@@ -71,16 +116,8 @@ def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
     # a burn of length 0 exists only after an engine failure
     unforeseen = arcs[nav.arc].kind == BURN and arcs[nav.arc].duration == 0.0
     engines.jumped = 1 if unforeseen and nav.arc != engines.arc else 0
-    if state.thrust_ratio == 0.0 or arcs[nav.arc].stage != engines.stage:
-        state.thrust_ratio = 1.0
-        state.flow_ratio = 1.0
-    if (
-        engines.mass > 0.0
-        and nav.jettisoned == engines.jettisoned
-        and nav.arc == engines.arc
-        and 0.0 < nav.mass < engines.mass
-        and burns_steadily(nav, engines.time, arcs)
-    ):
+    begin_stage(arcs, onboard)
+    if measures_one_burn(arcs, onboard):
         arc = arcs[nav.arc]
         flow = (engines.mass - nav.mass) / span
         gain = norm(sub(load(nav.sensed_delta_v), load(engines.sensed_delta_v)))
@@ -89,12 +126,7 @@ def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
         state.thrust_ratio = filter_ratio(before, thrust / arc.thrust)
         engines.jumped = 1 if abs(state.thrust_ratio - before) > STEP else 0
         state.flow_ratio = filter_ratio(state.flow_ratio, flow / arc.mass_flow)
-    engines.time = nav.time
-    engines.mass = nav.mass
-    engines.arc = nav.arc
-    engines.stage = arcs[nav.arc].stage
-    engines.jettisoned = nav.jettisoned
-    store(engines.sensed_delta_v, load(nav.sensed_delta_v))
+    note_engines(arcs, onboard)
 
 
 @kernel

@@ -10,7 +10,14 @@ passes a limit of the dynamic pressure, the programme is flown on.
 import math
 
 from ares_guidance.arrays import BOOST_REPLAN, ERROR_NONE, Onboard
-from ares_guidance.kernels.engines import SHORTEST, STEP, burns_steadily, filter_ratio
+from ares_guidance.kernels.engines import (
+    SHORTEST,
+    STEP,
+    begin_stage,
+    filter_ratio,
+    measures_one_burn,
+    note_engines,
+)
 from ares_guidance.kernels.jettison import measure_density
 from ares_guidance.kernels.legs import last_of_leg, lay_out, mission_of_leg
 from ares_guidance.kernels.optimal import BY_PLAN, REFRESH, solve_optimal
@@ -50,28 +57,16 @@ def watch_flow(mission: MissionRecords, onboard: Onboard) -> None:
     nav = onboard.navigation
     state = onboard.state
     engines = state.engines
-    arc = mission.arcs[nav.arc]
     span = nav.time - engines.time
     if engines.mass > 0.0 and 0.0 <= span < SHORTEST:
         return
-    if state.thrust_ratio == 0.0 or arc.stage != engines.stage:
-        state.thrust_ratio = 1.0
-        state.flow_ratio = 1.0
-    if (
-        nav.jettisoned == engines.jettisoned
-        and nav.arc == engines.arc
-        and 0.0 < nav.mass < engines.mass
-        and burns_steadily(nav, engines.time, mission.arcs)
-    ):
+    begin_stage(mission.arcs, onboard)
+    if measures_one_burn(mission.arcs, onboard):
         flow = (engines.mass - nav.mass) / span
-        state.flow_ratio = filter_ratio(state.flow_ratio, flow / arc.mass_flow)
+        ratio = flow / mission.arcs[nav.arc].mass_flow
+        state.flow_ratio = filter_ratio(state.flow_ratio, ratio)
         state.thrust_ratio = state.flow_ratio
-    engines.time = nav.time
-    engines.mass = nav.mass
-    engines.arc = nav.arc
-    engines.stage = arc.stage
-    engines.jettisoned = nav.jettisoned
-    store(engines.sensed_delta_v, load(nav.sensed_delta_v))
+    note_engines(mission.arcs, onboard)
 
 
 @kernel
