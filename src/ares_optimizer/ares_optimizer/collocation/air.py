@@ -20,7 +20,7 @@ from ares_models.kernels.aerodynamics import (
 from ares_models.kernels.environment import altitude_gradient, vertical_stretch
 from ares_models.kernels.vectors import Vector, axpy, norm, scale
 from ares_optimizer.collocation.arrays import COASTING, VERTICAL
-from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
+from ares_optimizer.collocation.thrust import acceleration_terms, mass_after
 from ares_optimizer.two_point.arrays import Gravity
 from ares_optimizer.two_point.kernels.gravity import gravity_terms
 
@@ -71,14 +71,14 @@ def air_motion(
     at = 6 * (point.node + point.number)
     r, v = scale(units[0], vector_at(x, at)), scale(units[1], vector_at(x, at + 3))
     arc = mission.arcs[phase.arc]
-    s = point.fraction * x[phase.length]
-    left, _, _ = mass_at_end(phase, s, x[phase.mass])
+    length, mass = x[phase.length], x[phase.mass]
+    left, _, _ = mass_after(phase, point.fraction, length, mass)
     per = units[0] / (units[1] * units[1] * units[2] * left)
     u = _direction(point, phase, mission, x, r)
     motion = scale(per, body_force(arc, r, v, u, mission.environment, mission.atmosphere))
     if phase.steering == COASTING:
         return motion
-    a = acceleration_terms(phase, s, x[phase.mass])[0]
+    a = acceleration_terms(phase, point.fraction, length, mass)[0]
     a -= per * pressure_loss(arc, r, mission.environment, mission.atmosphere)
     return axpy(a, u, motion)
 
@@ -104,8 +104,8 @@ def local_gradient(
     r, v = vector_at(x, at), vector_at(x, at + 3)
     place, velocity = scale(units[0], r), scale(units[1], v)
     arc = mission.arcs[phase.arc]
-    s = point.fraction * x[phase.length]
-    left, left_s, left_m = mass_at_end(phase, s, x[phase.mass])
+    length, mass = x[phase.length], x[phase.mass]
+    left, left_l, left_m = mass_after(phase, point.fraction, length, mass)
     per = units[0] / (units[1] * units[1] * units[2] * left)
     up = altitude_gradient(place, environment)
     total, _ = gravity_terms(r, field, r)
@@ -128,9 +128,9 @@ def local_gradient(
                 gradient[c, i] += per * units[0] * by_place[i][c]
                 gradient[c, 3 + i] += per * units[1] * by_velocity[i][c]
                 gradient[c, 8 + i] = per * force.turned[i][c]
-    a, by_s, by_m = 0.0, 0.0, 0.0
+    a, by_l, by_m = 0.0, 0.0, 0.0
     if phase.steering != COASTING:
-        a, by_s, by_m, _, _, _ = acceleration_terms(phase, s, x[phase.mass])
+        a, by_l, by_m, _, _, _ = acceleration_terms(phase, point.fraction, length, mass)
         net = a
         if arc.exit_area > 0.0:
             lost, slope = pressure_loss_terms(arc, place, environment, atmosphere)
@@ -145,7 +145,7 @@ def local_gradient(
             _add_turn(environment, r, u, gradient)
     total = axpy(a, u, axpy(1.0, falling, total))
     for c in range(3):
-        gradient[c, 6] = point.fraction * (by_s * u[c] - falling[c] * left_s / left)
+        gradient[c, 6] = by_l * u[c] - falling[c] * left_l / left
         gradient[c, 7] = by_m * u[c] - falling[c] * left_m / left
     return total
 

@@ -21,9 +21,11 @@ PHASE = np.dtype(
         ("steering", np.int64),  # COASTING, GUIDED, HELD_ATTITUDE or VERTICAL
         ("length", np.int64),  # column of its length
         ("mass", np.int64),  # column of the mass at its begin
-        ("thrust", np.float64),  # at its begin
+        # 1: its begin is free and its end is known, in the time of its arc
+        ("from_end", np.int64),
+        ("thrust", np.float64),  # at its begin, or at its end
         ("thrust_slope", np.float64),
-        ("flow", np.float64),  # mass flow at its begin
+        ("flow", np.float64),  # mass flow there
         ("flow_slope", np.float64),
         ("fading", np.float64),  # thrust, flow and mass fall as exp(-fading t); 0: they do not
         ("acceleration", np.float64),  # of a fading phase

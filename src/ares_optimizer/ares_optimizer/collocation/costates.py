@@ -19,7 +19,7 @@ from ares_models.kernels.environment import gravity
 from ares_optimizer.collocation.arrays import COASTING, GUIDED, VERTICAL
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
+from ares_optimizer.collocation.thrust import acceleration_terms, mass_after
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.solution import Costates
 
@@ -69,16 +69,16 @@ class _Terms(NamedTuple):
 def _terms(
     program: CollocationProgram,
     p: int,
-    s: float,
+    fraction: float,
     point: StoppingPoint,
     sample: tuple[Array, Array, Array],
 ) -> _Terms:
-    """Return the motion by thrust and air in phase ``p`` at the scaled time ``s``.
+    """Return the motion by thrust and air in phase ``p``.
 
     Args:
         program: the program.
         p: phase.
-        s: time into the phase.
+        fraction: of the phase that has passed.
         point: solution of the program.
         sample: state, m and m/s, its costate, and the thrust direction of the solution. The thrust
             of a guided phase is along the primer, where the angle of attack changes nothing else.
@@ -87,7 +87,8 @@ def _terms(
     state, costate, u = sample
     primer = costate[3:]
     mass = float(point.x[program.masses[p]])
-    left = mass_at_end(phase, s, mass)[0] * program.mass
+    length = float(point.x[program.lengths[p]])
+    left = mass_after(phase, fraction, length, mass)[0] * program.mass
     force = np.zeros(3)
     flow = 0.0
     arc = program.arrays.arcs[phase["arc"]]
@@ -102,11 +103,13 @@ def _terms(
     if phase["in_air"]:
         force = np.array(body_force(arc, r, v, tuple(u.tolist()), *surroundings))
     if phase["steering"] != COASTING:
-        a = acceleration_terms(phase, s, mass)[0] * program.speed / program.time
+        terms = acceleration_terms(phase, fraction, length, mass)
+        a = terms[0] * program.speed / program.time
         thrust = a * left
         if phase["in_air"]:
             thrust -= pressure_loss(arc, r, *surroundings)
         force = force + thrust * u
+        s = (fraction - float(phase["from_end"])) * length
         flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time
     return _Terms(force / left, u, flow, float(primer @ force) / left**2)
 
@@ -140,7 +143,7 @@ def adjoint_of(program: CollocationProgram, point: StoppingPoint) -> Adjoint:
                 at = program.control_of[p][max(0, k * d + number - 1)]
                 u = x[at : at + 3] if at >= 0 else np.full(3, math.nan)
                 sample = state, costate, u
-                terms = _terms(program, p, fractions[number] * length, point, sample)
+                terms = _terms(program, p, fractions[number], point, sample)
                 motion = np.array(gravity(tuple(state[:3]), environment)) + terms.acceleration
                 hamiltonian = float(costate[:3] @ state[3:] + costate[3:] @ motion)
                 time = begin + fractions[number] * length * program.time

@@ -43,7 +43,7 @@ from ares_optimizer.collocation.arrays import (
     PERIGEE_RULE,
     Q_ALPHA_RULE,
 )
-from ares_optimizer.collocation.thrust import acceleration_terms, mass_at_end
+from ares_optimizer.collocation.thrust import acceleration_terms, burnt_terms, mass_after
 from ares_optimizer.kernels.terminal import MAX_ROWS, SCALE, terminal_rows
 from ares_optimizer.two_point.arrays import INVERSE_SQUARE, Gravity
 from ares_optimizer.two_point.kernels.gravity import gravity_terms, oblate_curvature
@@ -256,8 +256,8 @@ def fill_rows(x: Array, program: Program, mission: MissionRecords, g: Array) -> 
         if phase.in_air == 1:
             motion = add(motion, air_motion(point, phase, mission, units_of(program), x))
         elif phase.steering != COASTING:
-            s = point.fraction * x[phase.length]
-            a = acceleration_terms(phase, s, x[phase.mass])[0]
+            length, mass = x[phase.length], x[phase.mass]
+            a = acceleration_terms(phase, point.fraction, length, mass)[0]
             motion = axpy(a, vector_at(x, point.control), motion)
         for c in range(3):
             rate_r = 0.0
@@ -274,7 +274,7 @@ def fill_rows(x: Array, program: Program, mission: MissionRecords, g: Array) -> 
         g[row + i] = 0.5 * (dot(u, u) - 1.0)
     for p in range(program.phases.shape[0]):
         phase = program.phases[p]
-        end, _, _ = mass_at_end(phase, x[phase.length], x[phase.mass])
+        end, _, _ = mass_after(phase, 1.0, x[phase.length], x[phase.mass])
         g[phase.link] = x[phase.end] - end
 
 
@@ -354,10 +354,11 @@ def fill_point_jacobian(
     at = 6 * (point.node + point.number)
     r, v = vector_at(x, at), vector_at(x, at + 3)
     motion, _ = gravity_terms(r, field, r)
-    a, by_s, by_m = 0.0, 0.0, 0.0
+    a, by_l, by_m = 0.0, 0.0, 0.0
     u = (0.0, 0.0, 0.0)
     if phase.steering != COASTING:
-        a, by_s, by_m, _, _, _ = acceleration_terms(phase, point.fraction * length, x[phase.mass])
+        terms = acceleration_terms(phase, point.fraction, length, x[phase.mass])
+        a, by_l, by_m, _, _, _ = terms
         u = vector_at(x, point.control)
         motion = axpy(a, u, motion)
     k = fill_derivatives(program, point, values, k)
@@ -368,7 +369,7 @@ def fill_point_jacobian(
         values[k + 2] = -h * gradient_q[0]
         values[k + 3] = -h * gradient_q[1]
         values[k + 4] = -h * gradient_q[2]
-        values[k + 5] = -point.width * motion[c] - h * by_s * point.fraction * u[c]
+        values[k + 5] = -point.width * motion[c] - h * by_l * u[c]
         k += 6
         if phase.steering != COASTING:
             values[k] = -h * a
@@ -398,7 +399,7 @@ def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: A
             k += 1
     for p in range(program.phases.shape[0]):
         phase = program.phases[p]
-        _, by_length, by_mass = mass_at_end(phase, x[phase.length], x[phase.mass])
+        _, by_length, by_mass = mass_after(phase, 1.0, x[phase.length], x[phase.mass])
         values[k] = 1.0
         values[k + 1] = -by_length
         values[k + 2] = -by_mass
@@ -490,7 +491,6 @@ def fill_point_hessian(
     length = x[phase.length]
     w = point.width
     h = w * length
-    f = point.fraction
     at = 6 * (point.node + point.number)
     r = vector_at(x, at)
     p, q = vector_at(multipliers, 6 * i), vector_at(multipliers, 6 * i + 3)
@@ -507,15 +507,15 @@ def fill_point_hessian(
     if phase.steering == COASTING:
         return k
     u = vector_at(x, point.control)
-    terms = acceleration_terms(phase, f * length, x[phase.mass])
-    a, by_s, by_m, by_ss, by_sm, by_mm = terms
+    terms = acceleration_terms(phase, point.fraction, length, x[phase.mass])
+    a, by_l, by_m, by_ll, by_lm, by_mm = terms
     along = dot(q, u)
     for c in range(3):
-        values[k] = -w * (a + length * by_s * f) * q[c]
+        values[k] = -w * (a + length * by_l) * q[c]
         values[k + 1] = -h * by_m * q[c]
         k += 2
-    values[k] = -w * (2.0 * by_s * f + length * by_ss * f * f) * along
-    values[k + 1] = -w * (by_m + length * by_sm * f) * along
+    values[k] = -w * (2.0 * by_l + length * by_ll) * along
+    values[k + 1] = -w * (by_m + length * by_lm) * along
     values[k + 2] = -h * by_mm * along
     return k + 3
 
@@ -529,7 +529,8 @@ def fill_mass_hessian(phase: Record, x: Array, multipliers: Array, values: Array
         values[k] = weight * phase.fading * phase.fading * x[phase.mass] * part
         values[k + 1] = -weight * phase.fading * part
     else:
-        values[k] = -weight * phase.flow_slope
+        _, _, burnt_ll = burnt_terms(phase, 1.0, x[phase.length])
+        values[k] = -weight * burnt_ll
         values[k + 1] = 0.0
     return k + 2
 

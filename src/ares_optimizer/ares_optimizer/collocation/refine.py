@@ -250,7 +250,8 @@ def steering_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjo
             primer = adjoint.by_velocity[rows]
             size = np.linalg.norm(primer, axis=1)
             along = (primer[1:] * u).sum(axis=1) / np.maximum(size[1:], 1e-300)
-            thrust = phase["thrust"] + phase["thrust_slope"] * (times[1:] - times[0]) / program.time
+            known = times[-1] if phase["from_end"] else times[0]
+            thrust = phase["thrust"] + phase["thrust_slope"] * (times[1:] - known) / program.time
             along[thrust < _LITTLE * thrust.max()] = 1.0
             if size.min() > 0.0 and along.min() > math.cos(_ASIDE) and np.ptp(times) > SAME_LENGTH:
                 laws[p] = CubicHermiteSpline(times, primer, -adjoint.by_position[rows])

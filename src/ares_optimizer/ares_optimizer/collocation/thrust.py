@@ -8,39 +8,60 @@ from ares_models.jit import kernel
 
 
 @kernel
-def acceleration_terms(
-    phase: Record, s: float, mass: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return the thrust acceleration, and its derivatives by time and initial mass.
+def burnt_terms(phase: Record, fraction: float, length: float) -> tuple[float, float, float]:
+    """Return the mass burnt since the begin of a phase, and its derivatives by the length.
 
     Args:
-        phase: record PHASE.
-        s: time into the phase.
-        mass: at the begin of the phase.
-
-    Returns:
-        a, a_s, a_m, a_ss, a_sm, a_mm.
+        phase: record PHASE; it does not fade.
+        fraction: of the phase that has passed.
+        length: of the phase.
     """
-    if phase.fading > 0.0:
-        return phase.acceleration, 0.0, 0.0, 0.0, 0.0, 0.0
-    left = mass - s * (phase.flow + 0.5 * s * phase.flow_slope)
-    flow = phase.flow + s * phase.flow_slope
-    a = (phase.thrust + s * phase.thrust_slope) / left
-    by_s = (phase.thrust_slope + a * flow) / left
-    by_m = -a / left
-    by_ss = (2.0 * by_s * flow + a * phase.flow_slope) / left
-    by_sm = -(by_s - by_m * flow) / left
-    return a, by_s, by_m, by_ss, by_sm, -2.0 * by_m / left
+    # a phase of which the end is known has its thrust and flow from there
+    part = fraction * (fraction - 2.0) if phase.from_end == 1 else fraction * fraction
+    curved = phase.flow_slope * part
+    burnt = length * (phase.flow * fraction + 0.5 * curved * length)
+    return burnt, phase.flow * fraction + curved * length, curved
 
 
 @kernel
-def mass_at_end(phase: Record, length: float, mass: float) -> tuple[float, float, float]:
-    """Return the mass at the end of a phase, and its derivatives by length and mass.
+def acceleration_terms(
+    phase: Record, fraction: float, length: float, mass: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return the thrust acceleration, and its derivatives by length and initial mass.
 
-    The end is before drops; ``mass`` is that at the begin.
+    Args:
+        phase: record PHASE.
+        fraction: of the phase that has passed.
+        length: of the phase.
+        mass: at the begin of the phase.
+
+    Returns:
+        a, a_l, a_m, a_ll, a_lm, a_mm.
     """
     if phase.fading > 0.0:
-        part = math.exp(-phase.fading * length)
-        return mass * part, -phase.fading * mass * part, part
-    flow = phase.flow + 0.5 * length * phase.flow_slope
-    return mass - length * flow, -(phase.flow + length * phase.flow_slope), 1.0
+        return phase.acceleration, 0.0, 0.0, 0.0, 0.0, 0.0
+    burnt, burnt_l, burnt_ll = burnt_terms(phase, fraction, length)
+    left = mass - burnt
+    thrust_l = phase.thrust_slope * (fraction - phase.from_end)
+    a = (phase.thrust + length * thrust_l) / left
+    by_l = (thrust_l + a * burnt_l) / left
+    by_m = -a / left
+    by_ll = (2.0 * by_l * burnt_l + a * burnt_ll) / left
+    by_lm = -(by_l - by_m * burnt_l) / left
+    return a, by_l, by_m, by_ll, by_lm, -2.0 * by_m / left
+
+
+@kernel
+def mass_after(
+    phase: Record, fraction: float, length: float, mass: float
+) -> tuple[float, float, float]:
+    """Return the mass in a phase, and its derivatives by length and initial mass.
+
+    Args: as in :func:`acceleration_terms`. At fraction 1 it is the mass before drops.
+    """
+    if phase.fading > 0.0:
+        fading = phase.fading * fraction
+        part = math.exp(-fading * length)
+        return mass * part, -fading * mass * part, part
+    burnt, by_length, _ = burnt_terms(phase, fraction, length)
+    return mass - burnt, -by_length, 1.0

@@ -328,9 +328,11 @@ class CollocationProgram:
             row["steering"] = self.steering[p]
             row["length"] = self.lengths[p]
             row["mass"] = self.masses[p]
-            row["thrust"] = piece["thrust"] / force
+            row["from_end"] = self._is_known_from_end(p)
+            known = (piece["end"] - piece["start"]) * row["from_end"]
+            row["thrust"] = (piece["thrust"] + known * piece["thrust_slope"]) / force
             row["thrust_slope"] = piece["thrust_slope"] * self.time / force
-            row["flow"] = piece["flow"] / flow
+            row["flow"] = (piece["flow"] + known * piece["flow_slope"]) / flow
             row["flow_slope"] = piece["flow_slope"] * self.time / flow
             row["fading"] = piece["fading"] * self.time
             row["acceleration"] = piece["thrust"] / piece["mass"] * self.time / self.speed
@@ -393,6 +395,23 @@ class CollocationProgram:
             return True
         here, there = self.segments[p], self.segments[p + 1]
         return bool(here["arc"] != there["arc"] or here["after_cutoff"] != there["after_cutoff"])
+
+    def _is_known_from_end(self, p: int) -> bool:
+        """Return true if thrust that changes with time is known at the end of a phase alone.
+
+        It begins where a jettison that waits for heating happens, and ends at a fixed time of its
+        arc.
+        """
+        here, before = self.segments[p], self.segments[max(0, p - 1)]
+        arc = self.arrays.arcs[here["arc"]]
+        ends = math.isfinite(arc["duration"]) or here["after_cutoff"] or not self._ends_arc(p)
+        return bool(
+            (here["thrust_slope"] != 0.0 or here["flow_slope"] != 0.0)
+            and before["end_heating"] >= 0
+            and before["arc"] == here["arc"]
+            and here["end_heating"] < 0
+            and ends
+        )
 
     def _throttle_turns(self, p: int) -> bool:
         """Return true if a phase ends where throttling of its burn begins or ends."""
