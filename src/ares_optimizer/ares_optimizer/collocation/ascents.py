@@ -9,7 +9,8 @@ air, and is flown by the constants of a trial flight.
 import math
 from collections.abc import Iterator
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +32,32 @@ from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.plan import last_begin
-from ares_optimizer.results import jettison_times
+from ares_optimizer.results import SAME_LENGTH, jettison_times
 
-#: Most first guesses of the ascent, and of what follows each ascent.
+#: Most first guesses of the ascent, of the rest of the flight alone, and of what follows an ascent.
 _MOST_ASCENTS = 3
+_MOST_RESTS = 6
 _MOST_AFTER = 4
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
 _EASTWARD = 1.0 - 1e-7
+
+
+class Beginning(NamedTuple):
+    """Hold the part of an ascent with which a whole flight begins.
+
+    Attributes:
+        lengths: of its free arcs, s.
+        drops: of its heating jettisons, s.
+        dropped: which of these happen in it.
+        track: shape (n, TRACK_COLUMNS).
+        after: state at its end, in the arc after it, shape (1,).
+    """
+
+    lengths: Array
+    drops: Array
+    dropped: NDArray[np.bool_]
+    track: Array
+    after: NDArray[np.void]
 
 
 def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
@@ -54,12 +74,39 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     for alone in ascents_to_park(pilot):
         ascent = _best_ascent(search, alone) or _best_ascent(search, without_speed(alone))
         if ascent is not None:
-            after = _state_after(start, ascent)
-            following = trials(arrays, after, floors_of(arrays, after), vary_coasts=True)
-            ways.append(map(partial(_joined, pilot, ascent), islice(following, _MOST_AFTER)))
-    search.ways = max(1, len(ways))
+            ways.append(chain(_with_best_rest(search, ascent), _with_coasts(search, ascent)))
     # in turn, since the first guesses of each are the likeliest
     yield from in_turn(ways)
+
+
+def _with_best_rest(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
+    """Yield an ascent to its last burn, with the best flight from there as if without air."""
+    begin = _beginning(search.start, ascent, -1)
+    if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
+        return
+    arcs = search.arrays.arcs.copy()
+    arcs["drag_area"] = arcs["exit_area"] = 0.0
+    arcs["vertical"] = 0
+    arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf
+    arrays = search.arrays._replace(arcs=arcs)
+    rest = Search(arrays, begin.after, floors_of(arrays, begin.after), search.request)
+    for trial in islice(trials(arrays, begin.after, rest.floors), _MOST_RESTS):
+        if rest.is_conclusive or search.request.deadline.passed:
+            break
+        rest.try_start(trial)
+    search.iterations += rest.iterations
+    if rest.best is not None:
+        times = times_of(rest.best.program, rest.best.point.x)
+        yield _joined(search, begin, TrialFlight(times, _track_of(rest.best), 0.0))
+
+
+def _with_coasts(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
+    """Yield a whole ascent, with trial flights after it."""
+    begin = _beginning(search.start, ascent, len(ascent.program.segments))
+    if begin is not None:
+        arrays, after = search.arrays, begin.after
+        following = trials(arrays, after, floors_of(arrays, after), vary_coasts=True)
+        yield from map(partial(_joined, search, begin), islice(following, _MOST_AFTER))
 
 
 def try_other_plane(search: Search) -> None:
@@ -103,46 +150,54 @@ def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
     return part.best
 
 
-def _state_after(start: NDArray[np.void], ascent: FoundOptimum) -> NDArray[np.void]:
-    """Return the state at the end of an ascent, in the arc after it, shape (1,)."""
+def _beginning(start: NDArray[np.void], ascent: FoundOptimum, end: int) -> Beginning | None:
+    """Return an ascent up to a phase.
+
+    Args:
+        start: shape (1,), dtype NAVIGATION.
+        ascent: of the first burns of the mission.
+        end: index of the first phase that is left out; -1: first phase of the last arc.
+
+    Returns:
+        None if nothing is left.
+    """
     program, x = ascent.program, ascent.point.x
-    times = times_of(program, x)
+    times, phases = times_of(program, x), len(program.segments)
+    arc = len(program.arrays.arcs) - 1
+    lengths = times.lengths
+    if end < 0:
+        end = program.arc_phases[arc][0]
+    else:
+        begin = last_begin(program.arrays, start[0], lengths)
+        arc, lengths = arc + 1, np.concatenate((lengths, [times.cutoff - begin]))
+    if end == 0:
+        return None
+    node = int(program.first[end])
+    now = float(node_times(program, program.time * x[program.lengths])[node])
     after = start.copy()
-    end = x[6 * (program.nodes - 1) : 6 * program.nodes]
-    after["position"] = program.radius * end[:3]
-    after["velocity"] = program.speed * end[3:]
-    after["mass"] = program.mass * x[program.ends[-1]]
-    after["time"] = node_times(program, program.time * x[program.lengths])[-1]
-    after["arc_start_time"] = times.cutoff
-    after["arc"] = len(program.arrays.arcs)
-    for j in np.flatnonzero(_dropped(ascent)):
+    after["position"] = program.radius * x[6 * node : 6 * node + 3]
+    after["velocity"] = program.speed * x[6 * node + 3 : 6 * node + 6]
+    after["mass"] = program.mass * x[program.masses[end] if end < phases else program.ends[-1]]
+    after["time"] = after["arc_start_time"] = now
+    after["arc"] = arc
+    due = jettison_times(program.arrays, start[0], program.segments, times.drops, times.cutoff)
+    off = np.array([t <= now + SAME_LENGTH for t in due], bool)
+    for j in np.flatnonzero(off):
         after["jettisoned"] |= 1 << int(j)
-    return after
+    track = _track_of(ascent)[: node + 1]
+    return Beginning(lengths, times.drops, off[program.waiting_for_heating], track, after)
 
 
-def _dropped(ascent: FoundOptimum) -> NDArray[np.bool_]:
-    """Return for each jettison of the mission if it is part of an ascent."""
-    program = ascent.program
-    times = times_of(program, ascent.point.x)
-    start = program.start[0]
-    return np.isfinite(
-        jettison_times(program.arrays, start, program.segments, times.drops, times.cutoff)
-    )
-
-
-def _joined(pilot: Pilot, ascent: FoundOptimum, trial: TrialFlight) -> TrialFlight:
-    """Return a flight of an ascent and a trial flight after it."""
-    program, x = ascent.program, ascent.point.x
-    times = times_of(program, x)
-    burn = times.cutoff - last_begin(program.arrays, pilot.start[0], times.lengths)
-    before = _dropped(ascent)[program.waiting_for_heating]
-    drops = np.where(before, times.drops, 0.0)
-    drops[~before] = trial.times.drops
-    lengths = np.concatenate((times.lengths, [burn], trial.times.lengths))
+def _joined(search: Search, begin: Beginning, trial: TrialFlight) -> TrialFlight:
+    """Return a flight of a beginning and a trial flight after it."""
+    drops = np.where(begin.dropped, begin.drops, 0.0)
+    drops[~begin.dropped] = trial.times.drops
+    lengths = np.concatenate((begin.lengths, trial.times.lengths))
     joined = FreeTimes(lengths, trial.times.cutoff, drops)
+    pilot = Pilot(search.arrays, search.start, search.floors)
     return TrialFlight(
         joined._replace(drops=pilot.inside(joined, drops)),
-        np.vstack((_track_of(ascent), trial.track)),
+        np.vstack((begin.track, trial.track)),
         trial.miss,
         limited=True,
     )

@@ -41,7 +41,7 @@ from ares_optimizer.solution import Check, ConstraintCheck
 #: Factors on the number of intervals of the refined programs, and of those in which a pressure
 #: limit acts: there the turn of coarse directions is overestimated.
 _FINER = (1.5, 3.0, 5.0, 9.0)
-_FINER_LIMITED = (0.5, 1.5, 3.0, 6.0)
+_FINER_LIMITED = (1.5, 3.0, 6.0)
 #: Largest relative spread of the Hamiltonian along a phase, and along one with an active pressure
 #: limit: where that begins and ceases to act the multipliers jump within an interval.
 SPREAD = 1e-4
@@ -103,11 +103,10 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
     factors = _FINER_LIMITED if acting_limits(best) else _FINER
     for finer in factors:
         there = tuple(floor._replace(altitude_m=levels[k]) for k, floor in floors.items())
-        found = refined(search, found, there, finer) or found
-        for _ in range(_MOST_LEVELS):
-            if not _moved(found, floors, levels):
-                break
-            found = _with_levels(search, found, levels) or found
+        other = refined(search, found, there, finer)
+        if other is None and finer < factors[-1]:
+            continue
+        found = _above_floors(search, other or found, floors, levels)
         adjoint = adjoint_of(found.program, found.point)
         steady = hamiltonian_spread(found, adjoint) <= allowed_spread(found)
         if request.deadline.passed and not steady:
@@ -116,7 +115,9 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
             continue
         most = _FAR_OVER if finer == factors[-1] else _COARSE_OVER
         proven = _within_limits(search, _verified(search, found, adjoint), most)
-        found = proven.found
+        found = _above_floors(search, proven.found, floors, levels)
+        if found is not proven.found:
+            proven = _verified(search, found, adjoint_of(found.program, found.point))
         if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
             break
     if proven is None:
@@ -127,6 +128,17 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
 def allowed_spread(found: FoundOptimum) -> float:
     """Return the largest relative spread of the Hamiltonian of a solution."""
     return PRESSURE_SPREAD if acting_limits(found) else SPREAD
+
+
+def _above_floors(
+    search: Search, found: FoundOptimum, floors: dict[int, Floor], levels: dict[int, float]
+) -> FoundOptimum:
+    """Solve again with other floors at the states until the flight between them keeps its own."""
+    for _ in range(_MOST_LEVELS):
+        if not _moved(found, floors, levels):
+            break
+        found = _with_levels(search, found, levels) or found
+    return found
 
 
 def _with_levels(

@@ -77,11 +77,16 @@ _NEAR = 1e-4
 CORNER = 1e-6
 #: The same from a guess whose ascent is solved.
 _BESIDE = 1e-3
-#: Share and time by which free coasts and burns change at once, most such steps, and the distance,
-#: in the program's unit of time, from which one is held by them.
-_CREEP = 0.3
-_CREEP_S = 20.0
-_MOST_CREEPS = 8
+#: Steps from a first guess with a free coast: most change of a coast, rad of a low circular orbit,
+#: and of a burn, as a share and s. Beyond that the linear model of the solver is far off.
+_STEP_COAST = 0.2
+_STEP_BURN = 0.2
+_STEP_BURN_S = 10.0
+#: Most such steps, most that fail, factor on the step after a failure, and the distance, in the
+#: program's unit of time, from which a length is held by its step.
+_MOST_STEPS = 40
+_MOST_FAILED = 2
+_SHRUNK = 0.35
 _HELD = 1e-6
 #: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
 #: between them.
@@ -120,7 +125,6 @@ class Search:
         optima: the local optima, the best first.
         starts: number of starts tried.
         iterations: of all starts.
-        ways: number of parking orbits by which its first guesses go.
         idle: true if no thrust direction of the best solution can save propellant.
     """
 
@@ -136,7 +140,6 @@ class Search:
         self.added: tuple[Floor, ...] = ()
         self.optima: list[LocalOptimum] = []
         self.starts = 0
-        self.ways = 1
         self.iterations = 0
         self.idle = False
         self._violations: list[tuple[float, str]] = []
@@ -168,13 +171,13 @@ class Search:
         """Return true if enough starts led to the best solution.
 
         A free coast may have several local optima: all starts are tried, unless the first ones,
-        which cover the lengths, led to a single one. From the pad fewer are tried, but each way to
-        a parking orbit.
+        which cover the lengths, led to a single one. From the pad two that agree suffice: they go
+        by different parking orbits.
         """
         in_air = flies_in_air(self.arrays.arcs)
         if self.again < (_ENOUGH_IN_AIR if in_air else _ENOUGH):
             return False
-        if in_air and self.starts > self.ways:
+        if in_air:
             return True
         free = free_arcs(self.arrays, self.start[0])
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
@@ -263,7 +266,7 @@ class Search:
         more = 0 if kept or self.narrowed else _MOST_NARROWED
         while True:
             program.scale_limits(dict.fromkeys(program.limit_rows, steps[0]))
-            point = self._creep(program, x, mu)
+            point = self._solved_in_steps(program, x, mu)
             if point.solved:
                 x, mu, met = point.x, CORNER, steps.pop(0)
                 if not steps:
@@ -280,37 +283,48 @@ class Search:
         program.scale_limits(dict.fromkeys(program.limit_rows, 1.0))
         return point
 
-    def _creep(self, program: CollocationProgram, x: Array, mu: float | None) -> StoppingPoint:
-        """Solve a program; from the pad in steps that change free coasts and burns by a share.
-
-        Without that, steps of hundreds of seconds of coast lead far from a good guess.
-        """
-        lower, upper = program.lower.copy(), program.upper.copy()
-        lengths = program.lengths[lower[program.lengths] < upper[program.lengths]]
-        free = free_arcs(self.arrays, self.start[0])
-        coasts = any(self.arrays.arcs[k]["kind"] == COAST for k in free)
-        for _ in range(_MOST_CREEPS if coasts and program.phases["in_air"].any() else 0):
-            most = _CREEP * x[lengths] + _CREEP_S / program.time
-            program.lower[lengths] = np.maximum(lower[lengths], x[lengths] - most)
-            program.upper[lengths] = np.minimum(upper[lengths], x[lengths] + most)
-            point = self._solved_program(program, x, mu)
-            if not point.solved and mu == CORNER:
-                # the barrier of a corner may be too sharp
-                point = self._solved_program(program, x, None)
-            held = np.abs(point.x[lengths] - x[lengths]) > most - _HELD
-            program.lower[:], program.upper[:] = lower, upper
-            if not point.solved:
-                return point
-            if not held.any():
-                return point
-            x, mu = point.x, CORNER
-        return self._solved_program(program, x, mu)
-
-    def _solved_program(
+    def _solved_in_steps(
         self, program: CollocationProgram, x: Array, mu: float | None
     ) -> StoppingPoint:
+        """Solve a program; with a free coast in steps that change free lengths a little.
+
+        The best length of a coast is a flat optimum: without that the solver takes steps of a
+        revolution, far from any flight.
+        """
+        lower, upper = program.lower.copy(), program.upper.copy()
+        free = np.flatnonzero(lower[program.lengths] < upper[program.lengths])
+        lengths, coasts = program.lengths[free], program.steering[free] == COASTING
+        begin: Array | StoppingPoint = x
+        failures, scale = 0, 1.0
+        for _ in range(_MOST_STEPS if coasts.any() else 0):
+            at = (begin.x if isinstance(begin, StoppingPoint) else begin)[lengths]
+            burns = _STEP_BURN * at + _STEP_BURN_S / program.time
+            most = scale * np.where(coasts, _STEP_COAST, burns)
+            program.lower[lengths] = np.maximum(lower[lengths], at - most)
+            program.upper[lengths] = np.minimum(upper[lengths], at + most)
+            point = self._solved_program(program, begin, mu)
+            program.lower[:], program.upper[:] = lower, upper
+            if point.solved and (np.abs(point.x[lengths] - at) < most - _HELD).all():
+                return point
+            if point.solved:
+                begin, mu = point, None
+                continue
+            failures += 1
+            if failures > _MOST_FAILED:
+                return point
+            if isinstance(begin, StoppingPoint):
+                # its multipliers may mislead
+                begin, mu = begin.x, CORNER
+            else:
+                scale *= _SHRUNK
+        return self._solved_program(program, begin, mu)
+
+    def _solved_program(
+        self, program: CollocationProgram, begin: Array | StoppingPoint, mu: float | None
+    ) -> StoppingPoint:
         """Solve a program and count the iterations."""
-        point = solve_program(program, x, self.request.deadline, mu=mu, most=_MOST_FIRST)
+        most = _MOST_WARM if isinstance(begin, StoppingPoint) else _MOST_FIRST
+        point = solve_program(program, begin, self.request.deadline, mu=mu, most=most)
         self.iterations += point.iterations
         return point
 

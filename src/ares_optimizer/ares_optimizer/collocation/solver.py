@@ -26,6 +26,8 @@ _OPTIONS: dict[str, Any] = {
     "mu_strategy": "adaptive",
     "fixed_variable_treatment": "make_parameter",
     "bound_relax_factor": 0.0,
+    # steps that leave all constraints far behind are too long
+    "theta_max_fact": 0.1,
 }
 #: Dual infeasibility beyond which a search fails, with steps that take seconds.
 _DIVERGED = 1e9
