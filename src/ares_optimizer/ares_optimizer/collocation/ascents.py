@@ -9,13 +9,13 @@ air, and is flown by the constants of a trial flight.
 import math
 from collections.abc import Iterator
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import NAMES_ASCENDING_NODE, NAMES_INCLINATION, MissionArrays
+from ares_models.arrays import COAST, NAMES_ASCENDING_NODE, NAMES_INCLINATION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.judging import judged_by
@@ -31,13 +31,18 @@ from ares_optimizer.collocation.pilot import Array, Pilot, TrialFlight, plane_fr
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
-from ares_optimizer.plan import last_begin
+from ares_optimizer.plan import free_arcs, last_begin
 from ares_optimizer.results import SAME_LENGTH, jettison_times
 
 #: Most first guesses of the ascent, of the rest of the flight alone, and of what follows an ascent.
 _MOST_ASCENTS = 3
-_MOST_RESTS = 6
+_MOST_RESTS = 4
 _MOST_AFTER = 4
+#: Most rests that are kept, and relative difference of lengths up to which two are alike.
+_MOST_KEPT = 2
+_ALIKE = 0.2
+#: Eccentricity from which a coast is tried to apogee.
+_ROUND = 0.01
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
 _EASTWARD = 1.0 - 1e-7
 
@@ -70,20 +75,24 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     if plane_from_ground(arrays, start) is None:
         return
     pilot = Pilot(arrays, start, search.floors)
-    ways: list[Iterator[TrialFlight]] = []
+    rests: list[list[TrialFlight]] = []
+    coasts: list[Iterator[TrialFlight]] = []
     for alone in ascents_to_park(pilot):
         ascent = _best_ascent(search, alone) or _best_ascent(search, without_speed(alone))
         if ascent is not None:
-            ways.append(chain(_with_best_rest(search, ascent), _with_coasts(search, ascent)))
+            rests.append(_with_best_rests(search, ascent))
+            coasts.append(_with_coasts(search, ascent))
+    search.least_starts = sum(map(len, rests))
     # in turn, since the first guesses of each are the likeliest
-    yield from in_turn(ways)
+    yield from in_turn([iter(each) for each in rests])
+    yield from in_turn(coasts)
 
 
-def _with_best_rest(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
-    """Yield an ascent to its last burn, with the best flight from there as if without air."""
-    begin = _beginning(search.start, ascent, -1)
+def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[TrialFlight]:
+    """Return an ascent to its last burn, with the best flights from there as if without air."""
+    begin = _beginning(search.start, ascent, len(ascent.program.arrays.arcs) - 1)
     if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
-        return
+        return []
     arcs = search.arrays.arcs.copy()
     arcs["drag_area"] = arcs["exit_area"] = 0.0
     arcs["vertical"] = 0
@@ -95,14 +104,20 @@ def _with_best_rest(search: Search, ascent: FoundOptimum) -> Iterator[TrialFligh
             break
         rest.try_start(trial)
     search.iterations += rest.iterations
-    if rest.best is not None:
-        times = times_of(rest.best.program, rest.best.point.x)
-        yield _joined(search, begin, TrialFlight(times, _track_of(rest.best), 0.0))
+    joined: list[TrialFlight] = []
+    kept: list[Array] = []
+    for optimum in rest.optima:
+        if len(kept) < _MOST_KEPT and not any(_are_alike(optimum.lengths, each) for each in kept):
+            kept.append(optimum.lengths)
+            found = optimum.found
+            times = times_of(found.program, found.point.x)
+            joined.append(_joined(search, begin, TrialFlight(times, _track_of(found), 0.0)))
+    return joined
 
 
 def _with_coasts(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
     """Yield a whole ascent, with trial flights after it."""
-    begin = _beginning(search.start, ascent, len(ascent.program.segments))
+    begin = _beginning(search.start, ascent, len(ascent.program.arrays.arcs))
     if begin is not None:
         arrays, after = search.arrays, begin.after
         following = trials(arrays, after, floors_of(arrays, after), vary_coasts=True)
@@ -139,6 +154,35 @@ def try_other_plane(search: Search) -> None:
     search.optima[0].met = max(search.optima[0].met, met)
 
 
+def try_coast_to_apogee(search: Search) -> None:
+    """Solve from the best flight from the pad with its first free coast ended at apogee.
+
+    The last burn of a transfer may be so short that the length of the coast before it matters
+    little, and several are local optima.
+
+    Args:
+        search: with its best solution, if there is any; it may get another.
+    """
+    best, arrays, start = search.best, search.arrays, search.start
+    coasts = [k for k in free_arcs(arrays, start[0]) if arrays.arcs[k]["kind"] == COAST]
+    if best is None or not coasts or plane_from_ground(arrays, start) is None:
+        return
+    begin = _beginning(start, best, coasts[0])
+    if begin is None or Pilot(arrays, begin.after, search.floors).eccentricity < _ROUND:
+        return
+    following = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
+    trial = next(following, None)
+    if trial is not None and not _are_alike(
+        trial.times.lengths, times_of(best.program, best.point.x).lengths[len(begin.lengths) :]
+    ):
+        search.try_start(_joined(search, begin, trial))
+
+
+def _are_alike(one: Array, other: Array) -> bool:
+    """Return true if free lengths differ so little that starts from both are much the same."""
+    return bool((np.abs(one - other) < _ALIKE * other + 1.0).all())
+
+
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
     """Solve the mission of an ascent alone; return None if none is found."""
     part = Search(alone, search.start, floors_of(alone, search.start), search.request)
@@ -150,26 +194,27 @@ def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
     return part.best
 
 
-def _beginning(start: NDArray[np.void], ascent: FoundOptimum, end: int) -> Beginning | None:
-    """Return an ascent up to a phase.
+def _beginning(start: NDArray[np.void], found: FoundOptimum, arc: int) -> Beginning | None:
+    """Return a flight up to an arc, or the whole ascent up to the arc after its last.
 
     Args:
         start: shape (1,), dtype NAVIGATION.
-        ascent: of the first burns of the mission.
-        end: index of the first phase that is left out; -1: first phase of the last arc.
+        found: solution of the mission, or of its first arcs.
+        arc: index of the first arc that is left out.
 
     Returns:
         None if nothing is left.
     """
-    program, x = ascent.program, ascent.point.x
+    program, x = found.program, found.point.x
     times, phases = times_of(program, x), len(program.segments)
-    arc = len(program.arrays.arcs) - 1
-    lengths = times.lengths
-    if end < 0:
+    free = free_arcs(program.arrays, start[0])
+    lengths = times.lengths[: sum(k < arc for k in free)]
+    if arc < len(program.arrays.arcs):
         end = program.arc_phases[arc][0]
     else:
-        begin = last_begin(program.arrays, start[0], lengths)
-        arc, lengths = arc + 1, np.concatenate((lengths, [times.cutoff - begin]))
+        end = phases
+        begin = last_begin(program.arrays, start[0], times.lengths)
+        lengths = np.concatenate((lengths, [times.cutoff - begin]))
     if end == 0:
         return None
     node = int(program.first[end])
@@ -184,7 +229,7 @@ def _beginning(start: NDArray[np.void], ascent: FoundOptimum, end: int) -> Begin
     off = np.array([t <= now + SAME_LENGTH for t in due], bool)
     for j in np.flatnonzero(off):
         after["jettisoned"] |= 1 << int(j)
-    track = _track_of(ascent)[: node + 1]
+    track = _track_of(found)[: node + 1]
     return Beginning(lengths, times.drops, off[program.waiting_for_heating], track, after)
 
 

@@ -82,12 +82,14 @@ _BESIDE = 1e-3
 _STEP_COAST = 0.2
 _STEP_BURN = 0.2
 _STEP_BURN_S = 10.0
-#: Most such steps, most that fail, factor on the step after a failure, and the distance, in the
-#: program's unit of time, from which a length is held by its step.
-_MOST_STEPS = 40
+#: Most iterations of such steps, most that fail, factor on the step after a failure and after one
+#: of few iterations, and the share of a step from which a length is held by it.
+_MOST_IN_STEPS = 300
 _MOST_FAILED = 2
 _SHRUNK = 0.35
-_HELD = 1e-6
+_GROWN = 2.0
+_FEW = 12
+_HELD = 0.98
 #: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
 #: between them.
 _LIMIT_STEPS = (30.0, 2.0, 1.0)
@@ -125,6 +127,7 @@ class Search:
         optima: the local optima, the best first.
         starts: number of starts tried.
         iterations: of all starts.
+        least_starts: number of starts without which the search does not end.
         idle: true if no thrust direction of the best solution can save propellant.
     """
 
@@ -141,6 +144,7 @@ class Search:
         self.optima: list[LocalOptimum] = []
         self.starts = 0
         self.iterations = 0
+        self.least_starts = 0
         self.idle = False
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
@@ -171,11 +175,13 @@ class Search:
         """Return true if enough starts led to the best solution.
 
         A free coast may have several local optima: all starts are tried, unless the first ones,
-        which cover the lengths, led to a single one. From the pad two that agree suffice: they go
-        by different parking orbits.
+        which cover the lengths, led to a single one. From the pad two that agree suffice after the
+        likeliest ones, which go by different parking orbits and coasts.
         """
         in_air = flies_in_air(self.arrays.arcs)
         if self.again < (_ENOUGH_IN_AIR if in_air else _ENOUGH):
+            return False
+        if self.starts < self.least_starts:
             return False
         if in_air:
             return True
@@ -266,7 +272,7 @@ class Search:
         more = 0 if kept or self.narrowed else _MOST_NARROWED
         while True:
             program.scale_limits(dict.fromkeys(program.limit_rows, steps[0]))
-            point = self._solved_in_steps(program, x, mu)
+            point = self.solve_in_steps(program, x, mu)
             if point.solved:
                 x, mu, met = point.x, CORNER, steps.pop(0)
                 if not steps:
@@ -283,20 +289,24 @@ class Search:
         program.scale_limits(dict.fromkeys(program.limit_rows, 1.0))
         return point
 
-    def _solved_in_steps(
-        self, program: CollocationProgram, x: Array, mu: float | None
+    def solve_in_steps(
+        self, program: CollocationProgram, begin: Array | StoppingPoint, mu: float | None
     ) -> StoppingPoint:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
         The best length of a coast is a flat optimum: without that the solver takes steps of a
         revolution, far from any flight.
+
+        Args:
+            program: the program.
+            begin: first guess, shape (n,), or the solution of a program of the same pattern.
+            mu: initial barrier parameter; None: that of the solver.
         """
         lower, upper = program.lower.copy(), program.upper.copy()
         free = np.flatnonzero(lower[program.lengths] < upper[program.lengths])
         lengths, coasts = program.lengths[free], program.steering[free] == COASTING
-        begin: Array | StoppingPoint = x
-        failures, scale = 0, 1.0
-        for _ in range(_MOST_STEPS if coasts.any() else 0):
+        failures, scale, most_in_all = 0, 1.0, self.iterations + _MOST_IN_STEPS
+        while coasts.any() and self.iterations < most_in_all:
             at = (begin.x if isinstance(begin, StoppingPoint) else begin)[lengths]
             burns = _STEP_BURN * at + _STEP_BURN_S / program.time
             most = scale * np.where(coasts, _STEP_COAST, burns)
@@ -304,19 +314,19 @@ class Search:
             program.upper[lengths] = np.minimum(upper[lengths], at + most)
             point = self._solved_program(program, begin, mu)
             program.lower[:], program.upper[:] = lower, upper
-            if point.solved and (np.abs(point.x[lengths] - at) < most - _HELD).all():
+            if point.solved and (np.abs(point.x[lengths] - at) < _HELD * most).all():
                 return point
             if point.solved:
                 begin, mu = point, None
+                scale *= _GROWN if point.iterations < _FEW else 1.0
                 continue
             failures += 1
             if failures > _MOST_FAILED:
                 return point
+            scale *= _SHRUNK
             if isinstance(begin, StoppingPoint):
                 # its multipliers may mislead
                 begin, mu = begin.x, CORNER
-            else:
-                scale *= _SHRUNK
         return self._solved_program(program, begin, mu)
 
     def _solved_program(
@@ -543,13 +553,12 @@ def refined(
     known: FoundOptimum | None = None
     limited = bool(acting_limits(found))
     same = LIMITED_MASS if limited else SAME_MASS
-    ways: list[tuple[Array | StoppingPoint, float | None, int]]
-    ways = [(guess, mu, _MOST_FIRST) for mu in ((CORNER, None) if limited else (None, _NEAR))]
+    ways: list[tuple[Array | StoppingPoint, float | None]]
+    ways = [(guess, mu) for mu in ((CORNER,) if limited else (None, _NEAR))]
     if warm is not None:
-        ways.insert(0, (warm, None, _MOST_WARM))
-    for begin, mu, most in ways:
-        point = solve_program(program, begin, search.request.deadline, mu=mu, most=most)
-        search.iterations += point.iterations
+        ways.insert(0, (warm, None))
+    for begin, mu in ways:
+        point = search.solve_in_steps(program, begin, mu)
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
             known = FoundOptimum(program, point, mass_of(program, point))
         # without the multipliers the barrier may lead away from the solution nearby

@@ -8,7 +8,11 @@ from itertools import chain, islice
 from ares_models.arrays import HEATING_LIMIT, TIME_AFTER_IGNITION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.plans import flies_in_air
-from ares_optimizer.collocation.ascents import trials_by_parking, try_other_plane
+from ares_optimizer.collocation.ascents import (
+    trials_by_parking,
+    try_coast_to_apogee,
+    try_other_plane,
+)
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
@@ -51,6 +55,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         if request.deadline.passed or search.is_conclusive:
             break
         search.try_start(trial)
+    try_coast_to_apogee(search)
     try_other_plane(search)
     cause = search.failure()
     if search.best is None and beat_kg is None and not request.deadline.passed:
