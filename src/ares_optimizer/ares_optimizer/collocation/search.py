@@ -295,7 +295,8 @@ class Search:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
         The best length of a coast is a flat optimum: without that the solver takes steps of a
-        revolution, far from any flight.
+        revolution, far from any flight. Beyond the air these are tried first, since they are fast
+        and lead to other optima too.
 
         Args:
             program: the program.
@@ -305,6 +306,10 @@ class Search:
         lower, upper = program.lower.copy(), program.upper.copy()
         free = np.flatnonzero(lower[program.lengths] < upper[program.lengths])
         lengths, coasts = program.lengths[free], program.steering[free] == COASTING
+        if coasts.any() and not program.phases["in_air"].any():
+            point = self._solved_program(program, begin, mu)
+            if point.solved:
+                return point
         failures, scale, most_in_all = 0, 1.0, self.iterations + _MOST_IN_STEPS
         while coasts.any() and self.iterations < most_in_all:
             at = (begin.x if isinstance(begin, StoppingPoint) else begin)[lengths]

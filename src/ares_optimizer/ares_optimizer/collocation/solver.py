@@ -27,7 +27,7 @@ _OPTIONS: dict[str, Any] = {
     "fixed_variable_treatment": "make_parameter",
     "bound_relax_factor": 0.0,
     # steps that leave all constraints far behind are too long
-    "theta_max_fact": 0.1,
+    "theta_max_fact": 1.0,
 }
 #: Dual infeasibility beyond which a search fails, with steps that take seconds.
 _DIVERGED = 1e9
@@ -105,6 +105,7 @@ def solve_program(
         # the mass at the end is a small share of that on the pad
         last = program.arrays.arcs[program.segments["arc"][-1]]
         chosen |= {"obj_scaling_factor": program.mass / float(last["stack_mass"])}
+        chosen["theta_max_fact"] = 0.1
     if mu is not None:
         chosen |= {"mu_init": mu, "mu_strategy": "monotone"}
     if isinstance(guess, StoppingPoint):
