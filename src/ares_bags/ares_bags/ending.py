@@ -50,6 +50,24 @@ def _group(builder: RecordBuilder, opcode: Opcode, records: list[Any], base: int
     )
 
 
+def _statistics(contents: Contents, chunks: Sequence[ChunkEntry], metadata: int) -> Statistics:
+    """Return the statistics of a file with so many metadata records."""
+    counts: Counter[int] = Counter()
+    for chunk in chunks:
+        counts.update(chunk.counts)
+    return Statistics(
+        attachment_count=0,
+        channel_count=len(contents.channels),
+        channel_message_counts=dict(counts),
+        chunk_count=len(chunks),
+        message_count=counts.total(),
+        message_start_time=min((chunk.index.message_start_time for chunk in chunks), default=0),
+        message_end_time=max((chunk.index.message_end_time for chunk in chunks), default=0),
+        metadata_count=metadata,
+        schema_count=len(contents.schemas),
+    )
+
+
 def ending(
     begin: int,
     contents: Contents,
@@ -75,27 +93,13 @@ def ending(
     DataEnd(data_section_crc=zlib.crc32(before, checksum)).write(builder)
     before += builder.end()
 
-    counts: Counter[int] = Counter()
-    for chunk in chunks:
-        counts.update(chunk.counts)
-    statistics = Statistics(
-        attachment_count=0,
-        channel_count=len(contents.channels),
-        channel_message_counts=dict(counts),
-        chunk_count=len(chunks),
-        message_count=counts.total(),
-        message_start_time=min((chunk.index.message_start_time for chunk in chunks), default=0),
-        message_end_time=max((chunk.index.message_end_time for chunk in chunks), default=0),
-        metadata_count=len(metadata),
-        schema_count=len(contents.schemas),
-    )
     base = begin + len(before)
     groups = [
         _group(builder, opcode, records, base)
         for opcode, records in (
             (Opcode.SCHEMA, list(contents.schemas.values())),
             (Opcode.CHANNEL, list(contents.channels.values())),
-            (Opcode.STATISTICS, [statistics]),
+            (Opcode.STATISTICS, [_statistics(contents, chunks, len(metadata))]),
             (Opcode.CHUNK_INDEX, [chunk.index for chunk in chunks]),
             (Opcode.METADATA_INDEX, metadata),
         )

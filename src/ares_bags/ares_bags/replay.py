@@ -141,6 +141,10 @@ def _known(topic: BagTopic) -> bool:
     return True
 
 
+def _publisher(node: Node, topic: BagTopic, full_name: str) -> Publisher:
+    return node.create_publisher(message_class(topic.type_name), full_name, _offered(topic))
+
+
 def _offered(topic: BagTopic) -> QoSProfile:
     profile = QoSProfile(
         history=HistoryPolicy.KEEP_LAST, depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE
@@ -196,11 +200,7 @@ def replay(
     playback = playback or Playback()
     try:
         publishers = {
-            name: node.create_publisher(
-                message_class(bag.topics[name].type_name),
-                full_name,
-                _offered(bag.topics[name]),
-            )
+            name: _publisher(node, bag.topics[name], full_name)
             for name, full_name in full_names.items()
         }
         clock = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
@@ -365,10 +365,7 @@ def run_replay(
     Args:
         path: the bag.
         rate: flight seconds per wall second; 0: as fast as the readers acknowledge.
-        extract: see `replay`.
-        namespace: see `replay`.
-        expected: see `replay`.
-        facts: see `replay`.
+        extract, namespace, expected, facts: see `replay`.
         then: called after a complete replay and its summary.
 
     Returns:

@@ -90,6 +90,23 @@ class _WholeChunks:
             os.close(descriptor)
 
 
+def _make_folder(path: Path) -> None:
+    """Create a bag's folder and its parents.
+
+    Raises:
+        BagError: it exists, or cannot be created.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir()
+    except FileExistsError as error:
+        if os.path.lexists(path):
+            raise BagError(f"bag {path} exists already; expected a new name") from error
+        raise BagError(f"bag {path} cannot be created: {cause(error)}") from error
+    except OSError as error:
+        raise BagError(f"bag {path} cannot be created: {cause(error)}") from error
+
+
 class BagWriter:
     """Write one bag.
 
@@ -140,15 +157,7 @@ class BagWriter:
         self._measured: tuple[int, int] | None = None
         self._fixed = 0
         self.file = self.path / f"{self.path.name}_0.mcap"
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self.path.mkdir()
-        except FileExistsError as error:
-            if os.path.lexists(self.path):
-                raise BagError(f"bag {self.path} exists already; expected a new name") from error
-            raise BagError(f"bag {self.path} cannot be created: {cause(error)}") from error
-        except OSError as error:
-            raise BagError(f"bag {self.path} cannot be created: {cause(error)}") from error
+        _make_folder(self.path)
         try:
             self._output = _WholeChunks(self.file)
             # the custom data go first, so that a killed recorder leaves at least them

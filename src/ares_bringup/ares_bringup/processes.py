@@ -3,8 +3,8 @@
 
 import os
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.graph import Callbacks, Say, flight_graph, keep_watch, make_watch, spinning
@@ -22,6 +22,11 @@ from ares_bringup.keeper import (
 from ares_bringup.options import CannotStart
 from ares_bringup.outcomes import EXIT_CANNOT_START
 from ares_bringup.summary import FlightSummary
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from ares_bringup.monitor import FlightMonitor
 
 #: Modules that run the nodes as processes.
 MODULES = {
@@ -59,8 +64,6 @@ def fly_in_processes(
     Raises:
         CannotStart: a node cannot start; one line, "" if it has printed the reason.
     """
-    from ares_node.qos import SOLVE_TRAJECTORY
-
     say, audience = terms.say, terms.audience
     keeper = Keeper(terms.options.restarts)
     with (
@@ -77,11 +80,7 @@ def fly_in_processes(
         begun = time.monotonic()
 
         def lost() -> bool:
-            if late and (
-                monitor.node.count_services(SOLVE_TRAJECTORY)
-                or OPTIMIZER not in crew.running()
-                or time.monotonic() - begun > OPTIMIZER_TIMEOUT
-            ):
+            if late and _answers_or_never(monitor, crew, begun):
                 start(late.pop())
             look_at_shared_memory()
             audience.look(monitor)
@@ -103,12 +102,20 @@ def fly_in_processes(
             with spinning(monitor, executor, stop) as spinner:
                 keep_watch(watch, spinner, lost)
 
-            def listen() -> None:
-                executor.spin_once(timeout_sec=0.005)
-
             within = INTERRUPTED_STOP_TIMEOUT if stop.requested else NODE_STOP_TIMEOUT
-            _end_crew(crew, summary, say, listen, within)
+            _end_crew(crew, summary, say, executor, within)
             audience.leave(monitor)
+
+
+def _answers_or_never(monitor: "FlightMonitor", crew: Crew, begun: float) -> bool:
+    """Return whether the optimizer answers, has ended or has had its time to start."""
+    from ares_node.qos import SOLVE_TRAJECTORY
+
+    return (
+        bool(monitor.node.count_services(SOLVE_TRAJECTORY))
+        or OPTIMIZER not in crew.running()
+        or time.monotonic() - begun > OPTIMIZER_TIMEOUT
+    )
 
 
 def _ended(crew: Crew, keeper: Keeper, summary: FlightSummary, say: Say) -> list[tuple[str, bool]]:
@@ -138,9 +145,13 @@ def _say_ended(name: str, line: str, summary: FlightSummary, say: Say) -> None:
 
 
 def _end_crew(
-    crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[], None], within: float
+    crew: Crew, summary: FlightSummary, say: Say, executor: "Executor", within: float
 ) -> None:
     """End the flying nodes within `within` s, then the recorder, which writes all they sent."""
+
+    def listen() -> None:
+        executor.spin_once(timeout_sec=0.005)
+
     alive = crew.running()
     for name, status in crew.newly_ended():
         # ended between the last poll and the end of the flight

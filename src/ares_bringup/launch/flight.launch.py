@@ -153,17 +153,7 @@ class LaunchedFlight:
         }
         # as the flight has it, whoever the parameter file says it to
         about = values | {x: flown[x] for x in ("mission", "law", "pace", "seed") if x in flown}
-        self._add("ares_vehicle_sim", SIMULATOR, values)
-        self._add("ares_guidance", GUIDANCE, values)
-        self._add("ares_bringup", JUDGE, about)
-        if optimizer_values(flown):
-            self._add("ares_optimizer", OPTIMIZER, values)
-        if self.own["view"]:
-            self._add("ares_view", VIEW, values)
-        if self.own["live"]:
-            self._add("ares_view", LIVE, values)
-        if record:
-            self._add("ares_bags", RECORDER, about)
+        self._add_nodes(values, about, bool(optimizer_values(flown)))
         self.verdict.start(self.nodes)
         self.name = f"flight {id_text(flight_id)}"
         where = f"ROS_DOMAIN_ID={self.environment['ROS_DOMAIN_ID']} ros2 topic list"
@@ -192,6 +182,20 @@ class LaunchedFlight:
             # claimed until this process ends
             domain, _ = claim_domain(preferred=[DEFAULT_DOMAIN], namespace=self.namespace)
         return domain
+
+    def _add_nodes(self, values: dict[str, Any], about: dict[str, Any], optimizer: bool) -> None:
+        """Add the nodes of the flight: with its values, or those that are told about it."""
+        self._add("ares_vehicle_sim", SIMULATOR, values)
+        self._add("ares_guidance", GUIDANCE, values)
+        self._add("ares_bringup", JUDGE, about)
+        if optimizer:
+            self._add("ares_optimizer", OPTIMIZER, values)
+        if self.own["view"]:
+            self._add("ares_view", VIEW, values)
+        if self.own["live"]:
+            self._add("ares_view", LIVE, values)
+        if self.own["record"]:
+            self._add("ares_bags", RECORDER, about)
 
     def _add(self, package: str, name: str, values: dict[str, Any]) -> None:
         given = known(name, values)

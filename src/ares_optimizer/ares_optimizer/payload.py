@@ -41,6 +41,33 @@ class Greatest(NamedTuple):
     solution: Solution
 
 
+def _flown(
+    mission: Mission, payload: float, above: float, deadline: Callable[[], Deadline]
+) -> tuple[float, float]:
+    """Return a payload that flies, the given one or below, and the propellant that it leaves, kg.
+
+    Args:
+        mission: with its masses by item.
+        payload: tried first, kg.
+        above: least payload to try, kg.
+        deadline: makes the time limit of a search.
+
+    Raises:
+        OptimizerError: no flight is found; one line.
+    """
+    reason = ""
+    for _ in range(_HALVINGS):
+        trial = mission.model_copy(update={"payload_kg": payload})
+        try:
+            return payload, propellant_left(trial, deadline())
+        except NoFlight as error:
+            reason = reason or f"payload_kg is {payload:,.1f}: {error}"
+        if payload <= above:
+            break
+        payload = 0.5 * (above + payload)
+    raise OptimizerError(reason)
+
+
 def greatest_payload(
     mission: Mission,
     time_limit_s: float | None = None,
@@ -67,25 +94,14 @@ def greatest_payload(
     if not math.isinf(arcs[-1]["duration"]):
         raise OptimizerError("the last burn has a fixed length; expected a free one")
 
-    def left(payload: float, above: float) -> tuple[float, float]:
-        """Return the payload tried, between ``above`` and the given one, and what it leaves."""
-        reason = ""
-        for _ in range(_HALVINGS):
-            trial = mission.model_copy(update={"payload_kg": payload})
-            try:
-                return payload, propellant_left(trial, Deadline(time_limit_s, report))
-            except NoFlight as error:
-                reason = reason or f"payload_kg is {payload:,.1f}: {error}"
-            if payload <= above:
-                break
-            payload = 0.5 * (above + payload)
-        raise OptimizerError(reason)
+    def deadline() -> Deadline:
+        return Deadline(time_limit_s, report)
 
-    low, left_low = left(mission.payload_kg, 0.0)
+    low, left_low = _flown(mission, mission.payload_kg, 0.0, deadline)
     high, left_high = math.inf, math.nan
     if left_low < 0.0:
         high, left_high = low, left_low
-        low, left_low = left(0.0, 0.0)
+        low, left_low = _flown(mission, 0.0, 0.0, deadline)
         if not left_low >= 0.0:
             raise OptimizerError(
                 f"payload_kg: the last stage lacks {-left_low:,.1f} kg of propellant without any"
@@ -101,16 +117,16 @@ def greatest_payload(
             middle = low + (high - low) * left_low / (left_low - left_high)
             # aim at a small remainder of propellant
             middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
-        middle, there = left(middle, low)
+        middle, there = _flown(mission, middle, low, deadline)
         if there >= 0.0:
             low, left_low, left_high = middle, there, 0.5 * left_high
         else:
             high, left_high = middle, there
     best = mission.model_copy(update={"payload_kg": low})
-    found = solve(best, "auto", deadline=Deadline(time_limit_s, report))
+    found = solve(best, "auto", deadline=deadline())
     if not found.flyable:
         # with no propellant to spare other first guesses count: the flight of the search has enough
-        found = _with_any_propellant(best, Deadline(time_limit_s, report), verify=True)
+        found = _with_any_propellant(best, deadline(), verify=True)
     return Greatest(best, low, found)
 
 

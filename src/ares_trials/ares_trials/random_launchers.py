@@ -108,6 +108,16 @@ def _way(draw: np.random.Generator) -> tuple[dict[str, Any], float, float, bool]
     return target, latitude, speed, parked
 
 
+def _air_limits(draw: np.random.Generator) -> dict[str, float]:
+    """Draw the limits of a stage in the air."""
+    limits = {}
+    if draw.random() < 0.6:
+        limits["max_dynamic_pressure_pa"] = float(draw.uniform(30e3, 60e3))
+    if draw.random() < 0.6:
+        limits["max_q_alpha_pa_rad"] = float(draw.uniform(1500.0, 5000.0))
+    return limits
+
+
 def _stages(
     draw: np.random.Generator, speed: float, count: int, parked: bool
 ) -> tuple[list[dict[str, Any]], float]:
@@ -157,10 +167,7 @@ def _stages(
         if k == 0:
             burn["exit_area_m2"] = float(draw.uniform(0.08, 0.16)) * thrust / 101325.0
             burn["vertical_rise_s"] = float(draw.uniform(3.0, 12.0))
-            if draw.random() < 0.6:
-                stage["max_dynamic_pressure_pa"] = float(draw.uniform(30e3, 60e3))
-            if draw.random() < 0.6:
-                stage["max_q_alpha_pa_rad"] = float(draw.uniform(1500.0, 5000.0))
+            stage |= _air_limits(draw)
             if boosted:
                 stage["boosters"] = [_booster(draw, total, thrust, time)]
         stages.append(stage | {"arcs": arcs})

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from rich.console import Console
@@ -36,6 +36,9 @@ from ares_optimizer.solution import (
 )
 from ares_optimizer.solve import solve
 
+if TYPE_CHECKING:
+    from ares_bringup.recorded import RecordedFlight
+
 Found = TypeVar("Found")
 
 EXIT_OPTIMAL = 0
@@ -53,6 +56,17 @@ NOT_FOUND = ("not found", EXIT_NOT_FOUND)
 
 #: Entry points of this group tabulate results beside published ones, by name of the mission.
 PUBLISHED = "ares_bringup.published"
+
+
+def _write_page(
+    out: Path, mission: Mission, solution: Solution, flown: "RecordedFlight | None"
+) -> None:
+    """Write the optimum as a page, with a flight beside it where there is one."""
+    if solution.trajectory is None:
+        raise CannotStart(f"no page: there is no flight to show ({solution.reason})")
+    from ares_bringup.commands.optimum_page import write_page
+
+    write_page(out, mission, solution, flown)
 
 
 def optimize(
@@ -111,11 +125,7 @@ def optimize(
     else:
         _print(mission, solution, console())
     if out is not None:
-        if solution.trajectory is None:
-            raise CannotStart(f"no page: there is no flight to show ({solution.reason})")
-        from ares_bringup.commands.optimum_page import write_page
-
-        write_page(out, mission, solution, flown)
+        _write_page(out, mission, solution, flown)
         if not as_json:
             print(f"page  {shown_path(str(out))}")
     return VERDICTS.get(solution.status, NOT_FOUND)[1]

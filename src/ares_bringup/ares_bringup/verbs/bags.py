@@ -30,6 +30,24 @@ CHECK_STATUSES = """Exit status of --check:
   2    it cannot be checked, or not to its end
 """
 
+Check = Annotated[
+    bool,
+    typer.Option(
+        "--check",
+        help="Publish nothing: give the recorded navigation to guidance as it is now and "
+        "compare each command.",
+    ),
+]
+CheckSettings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Of --check: a parameter of guidance in place of the recorded one; may be given "
+        "again.",
+    ),
+]
+
 
 @bag_app.command("info")
 def bag_info(
@@ -99,14 +117,7 @@ def replay(
     live_host: LiveHost = LOOPBACK,
     live_port: LivePort = 0,
     no_browser: NoBrowser = False,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check",
-            help="Publish nothing: give the recorded navigation to guidance as it is now and "
-            "compare each command.",
-        ),
-    ] = False,
+    check: Check = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Of --check: print one JSON object.")
     ] = False,
@@ -116,15 +127,7 @@ def replay(
     guidance: Annotated[
         str | None, typer.Option(help="Of --check: law in place of the recorded one.")
     ] = None,
-    setting: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help="Of --check: a parameter of guidance in place of the recorded one; may be given "
-            "again.",
-        ),
-    ] = None,
+    setting: CheckSettings = None,
 ) -> None:
     """Publish a recorded flight again, with its clock; or check it against guidance.
 
@@ -136,12 +139,7 @@ def replay(
     if check:
         if loop or live or any(given is not None for given in published):
             raise BadInput("--check publishes nothing: it goes without the options of publishing")
-        from ares_bringup.commands.check import check_bag, parse_settings
-
-        given = {"mission": mission, "law": guidance}
-        settings = {name: value for name, value in given.items() if value is not None}
-        settings |= parse_settings(setting or ())
-        raise typer.Exit(check_bag(bag, settings, as_json))
+        raise typer.Exit(_check(bag, {"mission": mission, "law": guidance}, setting, as_json))
     if as_json or any(given is not None for given in (mission, guidance, setting)):
         raise BadInput("--json, --mission, --guidance and --set go with --check only")
     if start is not None and end is not None and end < start:
@@ -151,6 +149,17 @@ def replay(
     extract = {"topics": topic or None, "start_s": start, "end_s": end, "loop": loop}
     page = live_options(live_host, live_port, no_browser, False) if live else None
     raise typer.Exit(replay_bag(bag, 1.0 if pace is None else pace, extract, namespace, page))
+
+
+def _check(
+    bag: Path, given: dict[str, str | None], setting: list[str] | None, as_json: bool
+) -> int:
+    """Check a bag against guidance, with the settings that are given in place of its own."""
+    from ares_bringup.commands.check import check_bag, parse_settings
+
+    settings = {name: value for name, value in given.items() if value is not None}
+    settings |= parse_settings(setting or ())
+    return check_bag(bag, settings, as_json)
 
 
 @app.command()

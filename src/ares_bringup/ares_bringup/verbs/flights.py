@@ -45,6 +45,39 @@ if TYPE_CHECKING:
 #: Default real-time factor of a flight with a live page.
 PACE_TO_WATCH = 10.0
 
+NewBag = Annotated[
+    Path | None,
+    typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
+]
+CampaignFlight = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=MAX_FLIGHTS - 1,
+        help="Number of a campaign's flight: fly it again, stepped as there.",
+    ),
+]
+FoxglovePort = Annotated[
+    int | None,
+    typer.Option(min=1, max=MAX_PORT, help=f"Port for --foxglove; default: {FOXGLOVE_PORT}."),
+]
+DomainId = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=MAX_DOMAIN_ID,
+        help="ROS domain; default: ROS_DOMAIN_ID, else one that no other flight has.",
+    ),
+]
+MostRestarts = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        max=MAX_RESTARTS,
+        help="How often guidance, optimizer and view are each restarted if they end in flight.",
+    ),
+]
+
 
 @app.command(epilog=EXIT_STATUSES)
 @with_settings()
@@ -59,19 +92,9 @@ def fly(
         typer.Option("--sealed", help="Draw a key: nodes refuse messages without its proof."),
     ] = False,
     as_json: TablesOrJson = False,
-    bag: Annotated[
-        Path | None,
-        typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
-    ] = None,
+    bag: NewBag = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no bag.")] = False,
-    flight: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=MAX_FLIGHTS - 1,
-            help="Number of a campaign's flight: fly it again, stepped as there.",
-        ),
-    ] = None,
+    flight: CampaignFlight = None,
     live: Annotated[
         bool,
         typer.Option("--live", help="Follow the flight in the browser; default of --pace: 10."),
@@ -85,34 +108,14 @@ def fly(
     foxglove: Annotated[
         bool, typer.Option("--foxglove", help="Serve all of it to Foxglove and Lichtblick too.")
     ] = False,
-    foxglove_port: Annotated[
-        int | None,
-        typer.Option(min=1, max=MAX_PORT, help=f"Port for --foxglove; default: {FOXGLOVE_PORT}."),
-    ] = None,
-    domain_id: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=MAX_DOMAIN_ID,
-            help="ROS domain; default: ROS_DOMAIN_ID, else one that no other flight has.",
-        ),
-    ] = None,
+    foxglove_port: FoxglovePort = None,
+    domain_id: DomainId = None,
     namespace: Namespace = "ares",
-    restarts: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            max=MAX_RESTARTS,
-            help="How often guidance, optimizer and view are each restarted if they end in flight.",
-        ),
-    ] = RESTARTS,
+    restarts: MostRestarts = RESTARTS,
     **settings: Any,
 ) -> None:
     """Fly a mission through the graph, record it, say how it went."""
-    if bag is not None and no_record:
-        raise BadInput("--bag and --no-record exclude each other")
-    if bag is not None and os.path.lexists(bag):
-        raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    _check_bag(bag, no_record)
     if foxglove_port is not None and not foxglove:
         raise BadInput("--foxglove-port goes with --foxglove only")
     check_page(live, live_host, live_port, no_browser)
@@ -136,6 +139,14 @@ def fly(
         restarts=restarts,
     )
     raise typer.Exit(_fly(options, as_json))
+
+
+def _check_bag(bag: Path | None, no_record: bool) -> None:
+    """Refuse a bag that is not recorded, or whose folder exists."""
+    if bag is not None and no_record:
+        raise BadInput("--bag and --no-record exclude each other")
+    if bag is not None and os.path.lexists(bag):
+        raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
 
 
 def _fly(options: FlyOptions, as_json: bool) -> int:

@@ -40,6 +40,61 @@ LONGEST_WINDOW = 60
 #: Method that has an option, by the option's parameter; filled by `with_options_of_methods`.
 OF_METHODS: dict[str, str] = {}
 
+HeatingHolds = Annotated[
+    HeatingPhase | None,
+    typer.Option(
+        help="When the heating limit holds: at the fairing's jettison, from it on, or never; "
+        "default: as in the mission."
+    ),
+]
+HeldJettisons = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
+]
+Maximized = Annotated[
+    Maximize | None,
+    typer.Option(help="Seek the greatest payload_kg of a mission with its masses by item."),
+]
+LaunchWindow = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=LONGEST_WINDOW,
+        metavar="MINUTES",
+        help="Seek the launch time of a target with its node, and what each minute costs, up "
+        "to so many before and after.",
+    ),
+]
+Beside = Annotated[
+    Path | None,
+    typer.Option("--beside", metavar="BAG", help="Of --out: lay the flight of this bag over it."),
+]
+OnlyFlights = Annotated[
+    list[int] | None,
+    typer.Option(
+        min=0,
+        max=MAX_FLIGHTS - 1,
+        metavar="K",
+        help="Fly this flight alone; may be given again.",
+    ),
+]
+SuccessWidth = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0,
+        metavar="WIDTH",
+        help="Stop when the 95 % interval of the share of successes is narrower.",
+    ),
+]
+MassWidth = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0,
+        metavar="KG",
+        help="Stop when the 95 % interval of the mean final mass is narrower.",
+    ),
+]
+
 
 def with_options_of_methods(verb: Callable[..., None]) -> Callable[..., None]:
     """Give a verb the options of registered methods, in place of its last parameter.
@@ -69,31 +124,10 @@ def _refuse(option: str, others: Mapping[str, object]) -> None:
 def optimize(
     mission: MissionOption = "ares_v",
     method: Annotated[str, typer.Option(help=METHODS_HELP)] = AUTO,
-    heating: Annotated[
-        HeatingPhase | None,
-        typer.Option(
-            help="When the heating limit holds: at the fairing's jettison, from it on, or never; "
-            "default: as in the mission."
-        ),
-    ] = None,
-    hold_jettison: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
-    ] = None,
-    maximize: Annotated[
-        Maximize | None,
-        typer.Option(help="Seek the greatest payload_kg of a mission with its masses by item."),
-    ] = None,
-    window: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=LONGEST_WINDOW,
-            metavar="MINUTES",
-            help="Seek the launch time of a target with its node, and what each minute costs, up "
-            "to so many before and after.",
-        ),
-    ] = None,
+    heating: HeatingHolds = None,
+    hold_jettison: HeldJettisons = None,
+    maximize: Maximized = None,
+    window: LaunchWindow = None,
     time_limit: Annotated[
         float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
     ] = 30.0,
@@ -101,12 +135,7 @@ def optimize(
     out: Annotated[
         Path | None, typer.Option(help="Write the optimum as a page into this file (.html).")
     ] = None,
-    bag: Annotated[
-        Path | None,
-        typer.Option(
-            "--beside", metavar="BAG", help="Of --out: lay the flight of this bag over it."
-        ),
-    ] = None,
+    bag: Beside = None,
     **of_methods: Any,
 ) -> None:
     """Find the optimal ascent off line, with its proof.
@@ -164,15 +193,7 @@ def montecarlo(
     seed: Annotated[
         int, typer.Option(min=0, max=MAX_SEED, help="Master seed of what is drawn.")
     ] = 0,
-    only: Annotated[
-        list[int] | None,
-        typer.Option(
-            min=0,
-            max=MAX_FLIGHTS - 1,
-            metavar="K",
-            help="Fly this flight alone; may be given again.",
-        ),
-    ] = None,
+    only: OnlyFlights = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder, new or of a campaign to go on with; default: a new name."),
@@ -184,22 +205,8 @@ def montecarlo(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on the workers of a Dask scheduler.")
     ] = None,
-    stop_success: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            metavar="WIDTH",
-            help="Stop when the 95 % interval of the share of successes is narrower.",
-        ),
-    ] = None,
-    stop_mass: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            metavar="KG",
-            help="Stop when the 95 % interval of the mean final mass is narrower.",
-        ),
-    ] = None,
+    stop_success: SuccessWidth = None,
+    stop_mass: MassWidth = None,
     **settings: Any,
 ) -> None:
     """Fly dispersed flights in compiled code, keep them in Parquet, judge them."""

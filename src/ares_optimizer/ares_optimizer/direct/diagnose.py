@@ -131,6 +131,44 @@ def path_obstacle(found: SearchResult) -> str:
     return f"{text}; at cut-off it is {at_end:,.6g} W/m2"
 
 
+def _coolest(
+    within: Transcription, lowered: SearchResult, found: SearchResult, deadline: Deadline
+) -> tuple[float, Array]:
+    """Seek the least log heating at the last jettison; return it with its variables, or infinity.
+
+    The effort is added to ``found``.
+    """
+    best, coolest = math.inf, lowered.variables
+    for fraction in _PLACES:
+        variables = lowered.variables.copy()
+        for d in range(len(within.problem.drops)):
+            column = drop_column(within.problem, d)
+            variables[column] += fraction * (variables[-1] - variables[column])
+        cool = least_heating(within, variables, deadline)
+        found.iterations += cool.iterations
+        found.restarts += 1
+        level = heating_level(cool)
+        if cool.miss <= _FEASIBLE and level < best:
+            best, coolest = level, cool.variables
+        if deadline.passed:
+            break
+    return best, coolest
+
+
+def _heating_obstacle(j: int, limit: float, best: float) -> str:
+    """Describe a heating limit that no flight meets; limit and least heating in log W/m2."""
+    if not math.isfinite(best):
+        return (
+            f"heating limit of jettison {j}: no flight found to the target that meets "
+            f"{math.exp(limit):,.6g} W/m2"
+        )
+    return (
+        f"heating limit of jettison {j}: {math.exp(limit):,.6g} W/m2 is not met by any flight "
+        f"found to the target, the least is {math.exp(best):,.6g} W/m2, "
+        f"{math.exp(best) - math.exp(limit):,.6g} W/m2 too much"
+    )
+
+
 def rescue(
     arrays: MissionArrays, start: Record, heating: Heating, found: SearchResult, deadline: Deadline
 ) -> tuple[SearchResult, Cause | None]:
@@ -172,21 +210,7 @@ def rescue(
     if lowered.excess <= 0.0:
         lowered.iterations, lowered.restarts = found.iterations, found.restarts
         return lowered, None
-    best = math.inf
-    coolest = lowered.variables
-    for fraction in _PLACES:
-        variables = lowered.variables.copy()
-        for d in range(len(within.problem.drops)):
-            column = drop_column(within.problem, d)
-            variables[column] += fraction * (variables[-1] - variables[column])
-        cool = least_heating(within, variables, deadline)
-        found.iterations += cool.iterations
-        found.restarts += 1
-        level = heating_level(cool)
-        if cool.miss <= _FEASIBLE and level < best:
-            best, coolest = level, cool.variables
-        if deadline.passed:
-            break
+    best, coolest = _coolest(within, lowered, found, deadline)
     limit = float(base.problem.drops[-1, D_LOG_LIMIT])
     if best <= limit + _FEASIBLE:
         again = run(within, coolest, 1.0, deadline)
@@ -195,17 +219,7 @@ def rescue(
         if again.converged:
             return again, None
         return found, failure_cause(arrays, again)
-    j = base.heating_jettisons[-1]
-    if not math.isfinite(best):
-        return found, infeasible(
-            f"heating limit of jettison {j}: no flight found to the target that meets "
-            f"{math.exp(limit):,.6g} W/m2"
-        )
-    return found, infeasible(
-        f"heating limit of jettison {j}: {math.exp(limit):,.6g} W/m2 is not met by any flight "
-        f"found to the target, the least is {math.exp(best):,.6g} W/m2, "
-        f"{math.exp(best) - math.exp(limit):,.6g} W/m2 too much"
-    )
+    return found, infeasible(_heating_obstacle(base.heating_jettisons[-1], limit, best))
 
 
 def _within_propellant(transcription: Transcription) -> Transcription:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import MissionArrays, Record
 from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_optimizer.direct.kernels.evaluate import (
     evaluate_with_gradients,
@@ -143,6 +143,34 @@ def _integrate_back(
     return grid, samples
 
 
+def _final_costates(found: SearchResult, flight: ProofFlight, jumps: list[Jump]) -> Array:
+    """Return the costates before the jumps at cut-off, shape (7,): lambda_r, lambda_v, lambda_m."""
+    problem = found.transcription.problem
+    final = flight.final
+    costate = np.zeros(7)
+    costate[:6] = terminal_costates(problem, found.equations, final[:3], final[3:6])
+    for jump in jumps:
+        if jump.drop < 0 and jump.time_s >= flight.pieces[-1].end - _SAME_TIME:
+            costate[:6] -= jump.multiplier * _heating_gradient(problem, final)
+    return costate
+
+
+def _hamiltonians(
+    environment: Record, piece: Piece, direction: Direction, times: Array, costates: Array
+) -> tuple[Array, Array]:
+    """Return the Hamiltonian at times of a piece, without and with the term of the mass costate."""
+    plain = np.empty(len(times))
+    whole = np.empty(len(times))
+    for i, (t, x) in enumerate(zip(times, costates, strict=True)):
+        y = piece.state(t)
+        thrust, flow = piece.engine(t, y[6])
+        g, _, _ = gravity_gradient(vector_of(y), environment)
+        along = float(x[3:6] @ direction(t))
+        plain[i] = x[:3] @ y[3:6] + x[3:6] @ np.array(g) + along * thrust / y[6]
+        whole[i] = plain[i] - x[6] * flow
+    return plain, whole
+
+
 def recover_costates(
     arrays: MissionArrays, found: SearchResult, flight: ProofFlight, steering: Steering
 ) -> Costates:
@@ -160,44 +188,31 @@ def recover_costates(
     problem = found.transcription.problem
     environment = problem.environment[0]
     jumps = heating_jumps(found)
-    final = flight.final
     last = flight.pieces[-1].end
-    costate = np.zeros(7)
-    costate[:6] = terminal_costates(problem, found.equations, final[:3], final[3:6])
-    for jump in jumps:
-        if jump.drop < 0 and jump.time_s >= last - _SAME_TIME:
-            costate[:6] -= jump.multiplier * _heating_gradient(problem, final)
+    costate = _final_costates(found, flight, jumps)
     times: list[Array] = []
     values: list[Array] = []
     hamiltonians: list[Array] = []
     spread: list[float] = []
     pi = [0.0] * len(problem.drops)
     for piece in reversed(flight.pieces):
-        begin, end, state, engine, _ = piece
+        begin, end = piece.begin, piece.end
         if any(abs(end - time) <= _SAME_TIME for time, _ in flight.plan.stagings):
             costate[6] = 0.0
         for jump in jumps:
             if end < last and abs(end - jump.time_s) <= _SAME_TIME:
-                y = state(end)
+                y = piece.state(end)
                 costate[:6] -= jump.multiplier * _heating_gradient(problem, y)
                 if jump.drop >= 0:
                     pi[jump.drop] = -jump.multiplier / heating_rate(
                         vector_of(y[:3]),
                         vector_of(y[3:6]),
-                        arrays.environment[0],
+                        environment,
                         arrays.atmosphere,
                     )
         direction = steering(begin, end)
         grid, samples = _integrate_back(arrays, piece, direction, costate)
-        plain = np.empty(len(grid))
-        whole = np.empty(len(grid))
-        for i, (t, x) in enumerate(zip(grid, samples, strict=True)):
-            y = state(t)
-            thrust, flow = engine(t, y[6])
-            g, _, _ = gravity_gradient(vector_of(y), environment)
-            along = float(x[3:6] @ direction(t))
-            plain[i] = x[:3] @ y[3:6] + x[3:6] @ np.array(g) + along * thrust / y[6]
-            whole[i] = plain[i] - x[6] * flow
+        plain, whole = _hamiltonians(environment, piece, direction, grid, samples)
         times.append(grid)
         values.append(samples)
         hamiltonians.append(plain)

@@ -243,6 +243,68 @@ def _guiding(start_time: float, boundaries: list[float], main: NDArray[np.void])
     return kept
 
 
+def _law_boundaries(
+    method: str,
+    start_time: float,
+    splits: Iterable[float],
+    ignitions: Iterable[float],
+    fixed: Iterable[tuple[int, float]],
+    main: NDArray[np.void],
+) -> list[float]:
+    """Return the boundaries of a method's laws, s; ``fixed`` as :func:`_jettisons` returns it."""
+    wanted = list(splits)
+    if method in ("direct14", "direct20"):
+        wanted += ignitions
+    spare = [] if method == "jump" else [time for _, time in fixed]
+    return _guiding(start_time, _boundaries(start_time, wanted, spare), main)
+
+
+def _drops(
+    arrays: MissionArrays, start_time: float, free: Sequence[int], ignitions: Sequence[float]
+) -> Array:
+    """Return ``Problem.drops`` of the jettisons with free time."""
+    jettisons = arrays.jettisons
+    rows = [
+        (
+            jettisons[j]["mass"],
+            math.log(jettisons[j]["value"]),
+            max(start_time, ignitions[int(jettisons[j]["stage"])]),
+        )
+        for j in free
+    ]
+    return np.array(rows).reshape(len(free), 3)
+
+
+def _cutoff_bounds(
+    method: str,
+    arcs: NDArray[np.void],
+    main: NDArray[np.void],
+    start_time: float,
+    drops: Array,
+) -> tuple[float, float]:
+    """Return the earliest and the latest cut-off of the last burn, s.
+
+    Raises:
+        OptimizerError: it begins too late.
+        UnfitMethod: it is a solid motor.
+    """
+    if arcs[-1]["tabled"]:
+        raise UnfitMethod(
+            f"method is {method}; expected auto or collocation: the last burn has a thrust_table"
+        )
+    last_piece = main[-1]
+    left = float(last_piece["mass"]) - float(drops[:, 0].sum())
+    last_arc = main[main["arc"] == len(arcs) - 1][0]
+    earliest = float(last_arc["start"]) + _SHORTEST_BURN
+    latest = float(last_piece["start"]) + _USABLE * left / float(last_piece["flow"])
+    if not earliest < start_time + LONGEST_FLIGHT:
+        raise OptimizerError(
+            f"the last burn begins at {earliest - _SHORTEST_BURN:g} s; expected less than "
+            f"{LONGEST_FLIGHT:g} s after the start, {start_time:g} s"
+        )
+    return earliest, min(latest, start_time + LONGEST_FLIGHT)
+
+
 def transcribe(
     arrays: MissionArrays,
     start: Record,
@@ -266,43 +328,15 @@ def transcribe(
         OptimizerError: no timetable exists from this start.
         UnfitMethod: the last burn is a solid motor.
     """
-    arcs = arrays.arcs
     main, after = _sequence(arrays, start, heating)
-    ignitions = first_ignitions(start, main, arcs)
+    ignitions = first_ignitions(start, main, arrays.arcs)
     now = float(start["time"])
     free, fixed = _jettisons(arrays, start, heating, ignitions)
-    drops = np.array(
-        [
-            (
-                arrays.jettisons[j]["mass"],
-                math.log(arrays.jettisons[j]["value"]),
-                max(now, ignitions[int(arrays.jettisons[j]["stage"])]),
-            )
-            for j in free
-        ]
-    ).reshape(len(free), 3)
-    wanted = list(splits)
-    if method in ("direct14", "direct20"):
-        wanted += ignitions
-    spare = [] if method == "jump" else [time for _, time in fixed]
-    boundaries = _guiding(now, _boundaries(now, wanted, spare), main)
+    drops = _drops(arrays, now, free, ignitions)
+    boundaries = _law_boundaries(method, now, splits, ignitions, fixed, main)
     laws, law_times, columns = _laws(method, now, boundaries, len(free))
     held, held_times = _held(main, columns)
-    if arcs[-1]["tabled"]:
-        raise UnfitMethod(
-            f"method is {method}; expected auto or collocation: the last burn has a thrust_table"
-        )
-    last_piece = main[-1]
-    left = float(last_piece["mass"]) - float(drops[:, 0].sum())
-    last_arc = main[main["arc"] == len(arcs) - 1][0]
-    earliest_cutoff = float(last_arc["start"]) + _SHORTEST_BURN
-    latest_cutoff = float(last_piece["start"]) + _USABLE * left / float(last_piece["flow"])
-    latest_cutoff = min(latest_cutoff, now + LONGEST_FLIGHT)
-    if not earliest_cutoff < now + LONGEST_FLIGHT:
-        raise OptimizerError(
-            f"the last burn begins at {earliest_cutoff - _SHORTEST_BURN:g} s; expected less than "
-            f"{LONGEST_FLIGHT:g} s after the start, {now:g} s"
-        )
+    earliest, latest = _cutoff_bounds(method, arrays.arcs, main, now, drops)
     problem = Problem(
         environment=arrays.environment,
         atmosphere=arrays.atmosphere,
@@ -317,8 +351,8 @@ def transcribe(
         held=held,
         held_time=held_times,
         longest_step=longest_step,
-        earliest_cutoff=earliest_cutoff,
-        latest_cutoff=latest_cutoff,
+        earliest_cutoff=earliest,
+        latest_cutoff=latest,
         heating=HEATING_FROM_JETTISON if heating is Heating.FROM_JETTISON else HEATING_AT_JETTISON,
         objective=MINIMISE_TIME,
         variables=columns + 3 * len(held) + len(free) + 1,
@@ -329,5 +363,5 @@ def transcribe(
         tuple(free),
         tuple(fixed),
         _depletion(arrays, start, main),
-        float(last_piece["flow"]),
+        float(main[-1]["flow"]),
     )

@@ -374,6 +374,56 @@ def _trajectory(flight: Array) -> Trajectory:
     )
 
 
+def _costates(pieces: NDArray[np.void], flight: Array, jump_pi: tuple[float, ...]) -> Costates:
+    """Convert a sampled flight of the solver to its costates."""
+    return Costates(
+        flight[:, sample.TIME].copy(),
+        flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3].copy(),
+        flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
+        flight[:, sample.HAMILTONIAN].copy(),
+        _hamiltonian_spread(pieces, flight),
+        jump_pi,
+    )
+
+
+def _nodes(flight: Array) -> Array:
+    """Return nodes of a sampled flight, shape (k, 8): time, position, velocity, mass."""
+    nodes = np.column_stack(
+        (
+            flight[:, sample.TIME],
+            flight[:, sample.POSITION : sample.VELOCITY + 3],
+            flight[:, sample.MASS],
+        )
+    )
+    ends = np.flatnonzero(np.diff(flight[:, sample.PIECE], append=-1.0))
+    return np.asarray(nodes[np.union1d(ends, np.arange(0, len(nodes), _NODE_STRIDE))])
+
+
+def _pole_turn_spread(pieces: NDArray[np.void], flight: Array) -> float:
+    """Return the spread of the polar component of C = r x lambda_r + V x lambda_v, m/s.
+
+    It is constant along the flight, jettisons included; in a held burn only from end to end.
+    """
+    guided = pieces["held"][flight[:, sample.PIECE].astype(np.int64)] == 0
+    turn = np.cross(
+        flight[:, sample.POSITION : sample.POSITION + 3],
+        flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3],
+    ) + np.cross(
+        flight[:, sample.VELOCITY : sample.VELOCITY + 3],
+        flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
+    )
+    return float(np.ptp(turn[guided, 2]))
+
+
+def _broken_when_flown(solver: TwoPointSolver, broken: str) -> str:
+    """Describe a constraint that the solver's model meets and the exact flight breaks."""
+    if solver.options["gravity"][0] == LINEAR:
+        return f"optimal in the linear field, but in inverse-square gravity {broken}"
+    if solver.options["propagator"][0] != RUNGE_KUTTA:
+        return f"optimal in closed form, but flown exactly {broken}"
+    return broken
+
+
 def verified(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root, solution: Solution
 ) -> Solution:
@@ -397,41 +447,13 @@ def verified(
     ignored = solver.options["heating"][0] == timetable.HEATING_IGNORED
     held = Heating.IGNORED if ignored else Heating.AT_JETTISON
     checks = constraint_table(arrays, start[0], flown, held)
-    nodes = np.column_stack(
-        (
-            flight[:, sample.TIME],
-            flight[:, sample.POSITION : sample.VELOCITY + 3],
-            flight[:, sample.MASS],
-        )
-    )
-    ends = np.flatnonzero(np.diff(flight[:, sample.PIECE], append=-1.0))
-    picked = nodes[np.union1d(ends, np.arange(0, len(nodes), _NODE_STRIDE))]
     broken = check_obstacle(checks)
     cause = Cause(solution.status, solution.reason)
     if broken and solution.converged:
-        reason = broken
-        if solver.options["gravity"][0] == LINEAR:
-            reason = f"optimal in the linear field, but in inverse-square gravity {broken}"
-        elif solver.options["propagator"][0] != RUNGE_KUTTA:
-            reason = f"optimal in closed form, but flown exactly {broken}"
-        cause = Cause(Status.INFEASIBLE, reason)
+        cause = Cause(Status.INFEASIBLE, _broken_when_flown(solver, broken))
     limits = [float(arrays.jettisons[j]["value"]) for j in waiting_for_heating(arrays, start[0])]
-    guided = pieces["held"][flight[:, sample.PIECE].astype(np.int64)] == 0
-    turn = np.cross(
-        flight[:, sample.POSITION : sample.POSITION + 3],
-        flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3],
-    ) + np.cross(
-        flight[:, sample.VELOCITY : sample.VELOCITY + 3],
-        flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
-    )
-    costates = Costates(
-        flight[:, sample.TIME].copy(),
-        flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3].copy(),
-        flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
-        flight[:, sample.HAMILTONIAN].copy(),
-        _hamiltonian_spread(pieces, flight),
-        tuple(float(pi) / limit for pi, limit in zip(root.pis, limits, strict=False)),
-    )
+    jump_pi = tuple(float(pi) / limit for pi, limit in zip(root.pis, limits, strict=False))
+    costates = _costates(pieces, flight, jump_pi)
     offsets = held_offsets(arrays, flown, steering, costates)
     directions = held_checks(arrays, flown, offsets)
     if solution.converged and not broken:
@@ -450,14 +472,12 @@ def verified(
             ),
             *directions,
         ),
-        verification=verification(arrays, flown, picked),
+        verification=verification(arrays, flown, _nodes(flight)),
         trajectory=flown.trajectory,
         costates=replace(costates, held_off_deg=offsets),
         notes={
             **solution.notes,
             "final_hamiltonian_m_s2": final,
-            # polar component of C = r x lambda_r + V x lambda_v: constant along the flight,
-            # jettisons included; in a held burn only from end to end
-            "pole_turn_spread_m_s": float(np.ptp(turn[guided, 2])),
+            "pole_turn_spread_m_s": _pole_turn_spread(pieces, flight),
         },
     )

@@ -111,16 +111,23 @@ def solve_indirect(
             root = with_work_of(solver.solve(start, root.unknowns), root, 0)
     elapsed = _elapsed_ms(began)
     if not root.converged:
-        late = solver.deadline.passed
-        cause = OUT_OF_TIME if late else failure_cause(solver, start, root)
-        return replace(
-            failed(method, cause, iterations=root.iterations),
-            solve_ms=elapsed,
-            parameters=root.unknowns,
-            restarts=root.restarts,
-        )
+        return _not_found(method, solver, start, root, elapsed)
     solution = solution_of(method, solver, start, root, elapsed, notes)
     return verified(solver, start, root, solution) if verify else solution
+
+
+def _not_found(
+    method: str, solver: TwoPointSolver, start: NDArray[np.void], root: Root, elapsed: float
+) -> Solution:
+    """Return the solution of a search without a root, with its cause."""
+    late = solver.deadline.passed
+    cause = OUT_OF_TIME if late else failure_cause(solver, start, root)
+    return replace(
+        failed(method, cause, iterations=root.iterations),
+        solve_ms=elapsed,
+        parameters=root.unknowns,
+        restarts=root.restarts,
+    )
 
 
 def refine_root(request: Request, unknowns: Array) -> Solution:

@@ -7,7 +7,7 @@ of the solver's kernels, so a difference is an error of the solver.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from ares_optimizer.proof.sequence import (
     plan_flight,
     running,
     spared_by_throttle,
+    start_mass,
     thrust_and_flow,
 )
 from ares_optimizer.solution import FlownArc, SteeringArc, Trajectory, joined
@@ -239,6 +240,36 @@ def _greatest_heating(arrays: MissionArrays, state: State, track: Trajectory) ->
     return -float(refined.fun)
 
 
+def _drop_times(
+    arrays: MissionArrays, start: Record, jettison_times: Sequence[float], t_meco: float
+) -> tuple[set[int], dict[int, float]]:
+    """Return the jettisons dropped before the start, and the times of those to come, s."""
+    done = {j for j in range(len(arrays.jettisons)) if (int(start["jettisoned"]) >> j) & 1}
+    last, now = t_meco + _SAME_TIME, float(start["time"])
+    times = enumerate(jettison_times)
+    due = {j: max(t, now) for j, t in times if t <= last and math.isfinite(t) and j not in done}
+    return done, due
+
+
+def _dropped(
+    arrays: MissionArrays,
+    due: Mapping[int, float],
+    done: set[int],
+    at_jettison: list[tuple[float, float] | None],
+    t: float,
+    y: Array,
+) -> bool:
+    """Drop what is due at a time from the state; return whether a heating limit caused a drop."""
+    heated = False
+    for j, time in due.items():
+        if j not in done and time <= t + _SAME_TIME:
+            done.add(j)
+            y[6] -= float(arrays.jettisons[j]["mass"])
+            at_jettison[j] = (float(heating(y[:3], y[3:6], arrays)), t)
+            heated |= bool(arrays.jettisons[j]["criterion"] == HEATING_LIMIT)
+    return heated
+
+
 def fly(
     arrays: MissionArrays,
     start: Record,
@@ -257,19 +288,13 @@ def fly(
         t_meco: cut-off command, s.
         boundaries: further times at which the steering is not smooth, s.
     """
-    jettisons = arrays.jettisons
     plan = plan_flight(arrays, start, t_meco)
     now = float(start["time"])
-    done = {j for j in range(len(jettisons)) if (int(start["jettisoned"]) >> j) & 1}
-    last = t_meco + _SAME_TIME
-    times = enumerate(jettison_times)
-    due = {j: max(t, now) for j, t in times if t <= last and math.isfinite(t) and j not in done}
+    done, due = _drop_times(arrays, start, jettison_times, t_meco)
     breaks = plan.breaks | set(due.values()) | {t for t in boundaries if now < t < plan.end}
     ends = sorted(t for t in breaks if t > now + _SAME_TIME)
-    arc = arrays.arcs[start["arc"]]
-    mass = float(start["mass"]) if start["mass"] > 0.0 else float(arc["stack_mass"])
-    y = np.concatenate((start["position"], start["velocity"], [mass]))
-    at_jettison: list[tuple[float, float] | None] = [None] * len(jettisons)
+    y = np.concatenate((start["position"], start["velocity"], [start_mass(arrays, start)]))
+    at_jettison: list[tuple[float, float] | None] = [None] * len(arrays.jettisons)
     tracks: list[Trajectory] = []
     pieces: list[Piece] = []
     watching = False
@@ -279,13 +304,8 @@ def fly(
         for time, k in plan.stagings:
             if abs(time - t) <= _SAME_TIME:
                 y[6] = _stack_mass(arrays, k, done)
-        for j, time in due.items():
-            if j not in done and time <= t + _SAME_TIME:
-                done.add(j)
-                y[6] -= float(jettisons[j]["mass"])
-                at_jettison[j] = (float(heating(y[:3], y[3:6], arrays)), t)
-                if jettisons[j]["criterion"] == HEATING_LIMIT:
-                    watching, peak = True, -math.inf
+        if _dropped(arrays, due, done, at_jettison, t, y):
+            watching, peak = True, -math.inf
         if math.isinf(end):
             break
         direction = steering(t, end)

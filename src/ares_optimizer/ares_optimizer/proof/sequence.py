@@ -131,6 +131,39 @@ def _full_mass(arrays: MissionArrays, start: Record) -> float:
     return full
 
 
+def _depletion(
+    arcs: NDArray[np.void],
+    running: Sequence[Thrust],
+    burn: Thrust,
+    stage_begin: float,
+    used: float,
+    now: float,
+) -> float | None:
+    """Return the time at which a burn depletes its stage, s; None: not before its end.
+
+    Args:
+        arcs: of the mission.
+        running: other thrust intervals of the stage.
+        burn: its thrust interval.
+        stage_begin: begin of the stage's burns, s.
+        used: propellant burnt before, kg.
+        now: begin of the flight, s.
+    """
+    # the start may be lighter than the empty stage
+    left = max(0.0, float(arcs[burn.arc]["propellant"]) - used)
+    far = min(burn.end, burn.begin + 1e5)
+    trial = [*running, Thrust(burn.arc, burn.begin, far, False)]
+    excess = _burnt(arcs, trial, stage_begin, far) - left
+    if not excess > 1e-6 * float(arcs[burn.arc]["mass_flow"]):
+        return None
+    return _burnout(arcs, trial, stage_begin, left, max(burn.begin, now), far)
+
+
+def start_mass(arrays: MissionArrays, start: Record) -> float:
+    """Return the mass at the start, kg; that of the stack where none is given."""
+    return float(start["mass"] if start["mass"] > 0.0 else arrays.arcs[start["arc"]]["stack_mass"])
+
+
 def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
     """Lay out the arcs of a mission in time, from the start to the end of the tail-off.
 
@@ -144,8 +177,7 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
     plan = Plan()
     k = int(start["arc"])
     begin = float(start["arc_start_time"])
-    mass = float(start["mass"]) if start["mass"] > 0.0 else float(arcs[k]["stack_mass"])
-    used = max(0.0, _full_mass(arrays, start) - mass)
+    used = max(0.0, _full_mass(arrays, start) - start_mass(arrays, start))
     running = _left_running(arcs, k, begin, now)  # of this stage, for its propellant
     for tail in running:
         plan.engines.append(tail)
@@ -158,16 +190,11 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         spent = False
         if arc["kind"] == BURN:
             engine = Thrust(k, begin, end, False)
-            # the start may be lighter than the empty stage
-            left = max(0.0, float(arc["propellant"]) - used)
             # a throttled burn ends by the clock: the mission file has enough propellant
             if k != last and not is_throttled(arc):
-                far = min(end, begin + 1e5)
-                trial = [*running, Thrust(k, begin, far, False)]
-                excess = _burnt(arcs, trial, stage_begin, far) - left
-                if excess > 1e-6 * float(arc["mass_flow"]):
-                    spent = True
-                    end = _burnout(arcs, trial, stage_begin, left, max(begin, now), far)
+                depletion = _depletion(arcs, running, engine, stage_begin, used, now)
+                if depletion is not None:
+                    spent, end = True, depletion
                     engine = Thrust(k, begin, end, False)
             running.append(engine)
             plan.engines.append(engine)

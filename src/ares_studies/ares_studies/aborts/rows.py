@@ -2,9 +2,11 @@
 """List the failures of a mission: what can fail at which second."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ares_models.arrays import BURN
 from ares_models.failures import Failure, FailureKind
@@ -30,30 +32,9 @@ class FailureRow:
     at_s: tuple[float, ...]
 
 
-def failure_rows(
-    mission: Mission, cutoff_s: float, drops_s: tuple[float, ...], step_s: float
-) -> tuple[FailureRow, ...]:
-    """List the possible failures.
-
-    Args:
-        mission: only its last arc is free.
-        cutoff_s: of the flight without failure.
-        drops_s: of its jettisons; nan for one that does not occur.
-        step_s: interval between failure times, s.
-
-    Raises:
-        UnfitMethod: the mission has other free arcs.
-    """
-    arrays = mission.arrays()
-    start_s = mission.start().time_s
-    engines = [int(count) for count in arrays.arcs["engines"]]
-    first = math.floor(start_s / step_s) + 1
-    last = math.ceil(cutoff_s / step_s) - 1
-    burning = [
-        (float(t), burning_at(arrays, start_s, float(t)))
-        for t in step_s * np.arange(first, last + 1)
-    ]
-    burning = [(t, k) for t, k in burning if k >= 0]
+def _engine_rows(arcs: NDArray[np.void], burning: Sequence[tuple[float, int]]) -> list[FailureRow]:
+    """List the failures of burning engines, at times in s with the arc that burns then."""
+    engines = [int(count) for count in arcs["engines"]]
 
     def row(name: str, failures: list[Failure]) -> FailureRow:
         return FailureRow(name, tuple(failures), tuple(f.time_s for f in failures))
@@ -71,12 +52,35 @@ def failure_rows(
                 for t, _ in burning
             ]
             rows.append(row(f"thrust at {100 * ratio:.0f} %, {name}", low))
-    rows.append(
-        row("shut down early", [Failure(FailureKind.EARLY_SHUTDOWN, t) for t, _ in burning])
-    )
-    throttled = np.isfinite(arrays.arcs["max_acceleration"])
+    early = [Failure(FailureKind.EARLY_SHUTDOWN, t) for t, _ in burning]
+    throttled = np.isfinite(arcs["max_acceleration"])
     stuck = [Failure(FailureKind.STUCK_THROTTLE, t) for t, k in burning if throttled[k]]
-    rows.append(row("throttle stuck", stuck))
+    return [*rows, row("shut down early", early), row("throttle stuck", stuck)]
+
+
+def failure_rows(
+    mission: Mission, cutoff_s: float, drops_s: tuple[float, ...], step_s: float
+) -> tuple[FailureRow, ...]:
+    """List the possible failures.
+
+    Args:
+        mission: only its last arc is free.
+        cutoff_s: of the flight without failure.
+        drops_s: of its jettisons; nan for one that does not occur.
+        step_s: interval between failure times, s.
+
+    Raises:
+        UnfitMethod: the mission has other free arcs.
+    """
+    arrays = mission.arrays()
+    start_s = mission.start().time_s
+    first = math.floor(start_s / step_s) + 1
+    last = math.ceil(cutoff_s / step_s) - 1
+    burning = [
+        (float(t), burning_at(arrays, start_s, float(t)))
+        for t in step_s * np.arange(first, last + 1)
+    ]
+    rows = _engine_rows(arrays.arcs, [(t, k) for t, k in burning if k >= 0])
     begins = begin_times(arrays, start_s)
     kinds = arrays.arcs["kind"]
     lit = [k for k in range(1, len(kinds)) if kinds[k] == BURN and _is_lit(arrays.arcs, k)]

@@ -203,6 +203,21 @@ class _Found:
         return tuple(work for work in (self.one, self.two) if work is not None)
 
 
+def _optimum(arrays: MissionArrays, state: NDArray[np.void]) -> Solution:
+    """Solve by ``direct11`` for the optimum that gives the target of part one."""
+    with Deadline() as unlimited:
+        return solve_direct(Request(arrays, state, "direct11", Heating.AT_JETTISON, unlimited))
+
+
+def _flown(ascent: Ascent, found: _Found, verify: bool) -> tuple[PlanarFlight, Solution]:
+    """Return the flight that was found: in its plane, and as a solution."""
+    pieces = _pieces(ascent, found)
+    plane = _plane(ascent, pieces)
+    planar, trajectory = _sampled(ascent, plane, pieces)
+    solution = replace(_solution(ascent, plane, pieces), trajectory=trajectory)
+    return planar, _verified(ascent, solution, trajectory) if verify else solution
+
+
 def solve_analytic(
     mission: Mission | MissionArrays,
     options: AnalyticOptions | None = None,
@@ -244,10 +259,7 @@ def solve_analytic(
     if ascent.jettisoned or options.jettison_target == "mission":
         optimum = None
     elif optimum is None and cause is None:
-        with Deadline() as unlimited:
-            optimum = solve_direct(
-                Request(arrays, state, "direct11", Heating.AT_JETTISON, unlimited)
-            )
+        optimum = _optimum(arrays, state)
     began = time.perf_counter()
     try:
         if cause is None:
@@ -261,12 +273,7 @@ def solve_analytic(
     if cause is not None:
         solution = failed(METHOD, cause)
     else:
-        pieces = _pieces(ascent, found)
-        plane = _plane(ascent, pieces)
-        planar, trajectory = _sampled(ascent, plane, pieces)
-        solution = replace(_solution(ascent, plane, pieces), trajectory=trajectory)
-        if verify:
-            solution = _verified(ascent, solution, trajectory)
+        planar, solution = _flown(ascent, found, verify)
     solution = replace(solution, iterations=iterations, solve_ms=elapsed)
     return AnalyticSolution(options, found.target, one, two, found.flights, planar, solution)
 
