@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
-from ares_models import arrays as layout
 from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import (
@@ -36,9 +35,9 @@ from ares_models.input_file import (
     parse_input,
     read_text,
 )
-from ares_models.mission_arcs import BurnArc, CoastArc, EngineOut, Table, shortest
-from ares_models.mission_areas import write_areas
-from ares_models.mission_boosters import Booster, part_row
+from ares_models.mission_arcs import BurnArc, CoastArc, EngineOut, shortest
+from ares_models.mission_arrays import arc_array, environment_array, jettison_array
+from ares_models.mission_boosters import Booster
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_keys import Load, Moment, Part, Text, not_there
 from ares_models.mission_masses import ignition_mass
@@ -54,7 +53,6 @@ from ares_models.mission_programme import (
     ProgrammePart,
     UntilPart,
     WhenPart,
-    write_programme,
 )
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_start import InitialState
@@ -62,14 +60,10 @@ from ares_models.mission_target import (
     Target,
     TargetOrbit,
     TargetState,
-    orbit_record,
-    parking_orbit,
     target_record,
 )
 from ares_models.plans import needs_plan
 from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
-from ares_models.splines import hermite_table, monotone_slopes
-from ares_models.wind import wind_profile
 
 __all__ = [
     "MISSION",
@@ -204,7 +198,7 @@ class Mission(Part):
     @property
     def vertical_rises(self) -> tuple[int, ...]:
         """Return the arcs at whose end the vehicle leaves the vertical, by index."""
-        rising = [*self._arc_array(True)["vertical"].tolist(), 0]
+        rising = [*arc_array(self, foreseen=True)["vertical"].tolist(), 0]
         return tuple(k for k, rises in enumerate(rising[:-1]) if rises and not rising[k + 1])
 
     @property
@@ -222,7 +216,7 @@ class Mission(Part):
     def needs_plan(self) -> bool:
         """Return whether guidance needs a plan of the optimizer; see :mod:`ares_models.plans`."""
         environment = self.environment_array()[0]
-        return needs_plan(self._arc_array(True), target_record(self)[0], environment)
+        return needs_plan(arc_array(self, foreseen=True), target_record(self)[0], environment)
 
     @property
     def drops(self) -> tuple[Jettison, ...]:
@@ -374,33 +368,14 @@ class Mission(Part):
         return MissionArrays(
             environment=self.environment_array(),
             atmosphere=self.atmosphere().table.copy(),
-            arcs=self._arc_array(foreseen),
-            jettisons=self._jettison_array(),
+            arcs=arc_array(self, foreseen),
+            jettisons=jettison_array(self),
             target=target_record(self),
         )
 
     def environment_array(self) -> NDArray[np.void]:
         """Compile gravity, figure, rotation and areas, shape (1,), dtype ENVIRONMENT."""
-        part = self.environment
-        record = np.zeros(1, layout.ENVIRONMENT)
-        record["mu"] = part.mu_m3_s2
-        record["g0"] = part.g0_m_s2
-        record["equatorial_radius"] = part.earth.equatorial_radius_m
-        record["polar_radius"] = part.earth.polar_radius_m
-        record["rotation_rate"] = part.earth.rotation_rate_rad_s
-        record["j2"] = part.j2
-        record["zero_longitude"] = self.earth().angle_at_zero
-        record["density_factor"] = part.atmosphere.density_factor
-        record["altitude_model"] = (
-            layout.ALTITUDE_ELLIPSOID if part.altitude == "ellipsoid" else layout.ALTITUDE_SPHERICAL
-        )
-        if part.atmosphere.wind_table is not None:
-            wind_profile(part.atmosphere.wind_table).write(record["wind"][0])
-        if self.abort is not None:
-            write_areas(self, record)
-        if self.programme is not None:
-            write_programme(self, record)
-        return record
+        return environment_array(self)
 
     @property
     def digest(self) -> str:
@@ -422,153 +397,6 @@ class Mission(Part):
             "target": self.target.describe(),
             "source": " ".join(self.source.split()),
         }
-
-    def _arc_array(self, foreseen: bool) -> NDArray[np.void]:
-        rows = []
-        for i, stage in enumerate(self.stages):
-            for k, arc in enumerate(stage.flight_arcs):
-                row = np.zeros(1, layout.ARC)
-                row["stage"] = i
-                row["duration"] = arc.duration_s
-                row["shortest"] = max(shortest(arc), self._until_drops(i, k))
-                row["longest"] = arc.max_s or arc.duration_s
-                low = arc.min_altitude_m
-                row["min_altitude"] = -math.inf if low is None else low
-                row["begins_stage"] = int(k == 0)
-                row["stack_mass"] = self.ignition_mass(i)
-                row["propellant"] = self.propellant(i)
-                row["exhaust_velocity"] = 1.0
-                row["kind"] = layout.COAST
-                rows.append(row)
-                self._write_air(stage, isinstance(arc, BurnArc), row)
-                if isinstance(arc, CoastArc):
-                    self._write_coast(arc, row)
-                if isinstance(arc, BurnArc):
-                    self._write_burn(arc, row)
-                    g0 = self.environment.g0_m_s2
-                    cut = stage.parts_of(k, g0)
-                    rows[-1:] = [part_row(row, part, part is cut[-1], g0) for part in cut]
-                    if arc.engine_out:
-                        rows.append(_lose_engines(rows[-1], arc.engine_out, foreseen))
-        return np.concatenate(rows)
-
-    def _until_drops(self, i: int, k: int) -> float:
-        """Return how long arc ``k`` of stage ``i`` lasts until the drops within it, s.
-
-        A free arc before the last one of the flight lasts until what is to drop within it by the
-        clock has dropped.
-        """
-        stage = self.stages[i]
-        before, free = stage.first_free_arc
-        if k != free or (i, k) == (len(self.stages) - 1, len(stage.flight_arcs) - 1):
-            return 0.0
-        after = [
-            jettison.time_after_ignition_s or 0.0
-            for jettison in self.jettisons
-            if jettison.stage == stage.name
-        ]
-        return max(after, default=0.0) - before
-
-    def _write_air(self, stage: Stage, burns: bool, row: NDArray[np.void]) -> None:
-        row["max_dynamic_pressure"] = stage.max_dynamic_pressure_pa or math.inf
-        row["max_q_alpha"] = stage.max_q_alpha_pa_rad or math.inf
-        air = stage.aerodynamics or self.aerodynamics
-        if air is None:
-            return
-        row["drag_area"] = air.reference_area_m2
-        row["body_axes"] = int(air.axial_table is not None)
-        across = air.lift_table or air.normal_table
-        for name, table in (("drag", air.along(burns)), ("across", across)):
-            if table is None:
-                continue
-            mach, coefficient = np.array(table).T
-            knots = len(mach)
-            slopes = np.zeros(knots)
-            if knots > 2:
-                slopes = monotone_slopes(mach, coefficient)
-            elif knots > 1:
-                slopes[:] = np.diff(coefficient) / np.diff(mach)
-            row[f"{name}_knots"] = knots
-            row[f"{name}_mach"][0, :knots] = mach
-            row[f"{name}_cubic"][0, :knots] = hermite_table(mach, coefficient, slopes)[:, 1:]
-
-    def _write_coast(self, arc: CoastArc, row: NDArray[np.void]) -> None:
-        if arc.min_perigee_altitude_m is not None:
-            equator = self.environment.earth.equatorial_radius_m
-            row["min_perigee_radius"] = equator + arc.min_perigee_altitude_m
-        orbit = parking_orbit(arc)
-        if orbit is not None:
-            row["orbit"] = orbit_record(orbit, self)
-
-    def _write_burn(self, arc: BurnArc, row: NDArray[np.void]) -> None:
-        g0 = self.environment.g0_m_s2
-        row["kind"] = layout.BURN
-        row["thrust"] = arc.full_thrust_n
-        row["exhaust_velocity"] = arc.exhaust_velocity(g0)
-        row["mass_flow"] = arc.mass_flow(g0)
-        row["engines"] = arc.engines
-        row["held"] = int(arc.attitude == "held")
-        row["exit_area"] = arc.exit_area_m2 or 0.0
-        row["max_acceleration"] = arc.max_acceleration_m_s2 or math.inf
-        row["min_throttle"] = arc.least_throttle
-        for key, curve in (("start", arc.start), ("tail", arc.tail_off)):
-            if curve is None:
-                continue
-            knots = len(curve)
-            row[f"{key}_knots"] = knots
-            row[f"{key}_time"][0, :knots] = [t for t, _ in curve]
-            row[f"{key}_fraction"][0, :knots] = [fraction for _, fraction in curve]
-        row["start_flow"] = row["start_fraction"]
-        row["start_loss"] = arc.start_loss_s
-        row["tail_gain"] = arc.tail_gain_s
-        if arc.thrust_table is not None:
-            self._write_table(arc.table(g0), row)
-
-    def _write_table(self, table: Table, row: NDArray[np.void]) -> None:
-        knots = len(table.time_s)
-        row["tabled"] = 1
-        row["start_knots"] = knots
-        row["start_time"][0, :knots] = table.time_s
-        row["start_fraction"][0, :knots] = np.array(table.thrust_n) / row["thrust"]
-        row["start_flow"][0, :knots] = np.array(table.flow_kg_s) / row["mass_flow"]
-        row["start_loss"] = table.time_s[-1] - table.impulse / row["thrust"]
-
-    def _jettison_array(self) -> NDArray[np.void]:
-        records = np.zeros(len(self.drops), layout.JETTISON)
-        for record, jettison in zip(records, self.drops, strict=True):
-            record["mass"] = jettison.mass_kg
-            record["stage"] = self.stage_names.index(jettison.stage)
-            if jettison.heating_limit_w_m2 is not None:
-                record["criterion"] = layout.HEATING_LIMIT
-                record["value"] = jettison.heating_limit_w_m2
-            elif jettison.time_s is not None:
-                record["criterion"] = layout.MISSION_TIME
-                record["value"] = jettison.time_s
-            elif jettison.time_after_ignition_s is not None:
-                record["criterion"] = layout.TIME_AFTER_IGNITION
-                record["value"] = jettison.time_after_ignition_s
-        return records
-
-
-def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) -> NDArray[np.void]:
-    """Build the arc after an engine failure and, unless foreseen, shorten the burn before it."""
-    after = before.copy()
-    after["begins_stage"] = 0
-    after["thrust"] *= failure.left
-    after["mass_flow"] *= failure.left
-    after["exit_area"] *= failure.left
-    after["engines"] = failure.engines - failure.lost
-    for name in ("start_knots", "start_loss"):
-        after[name] = 0
-    if foreseen:
-        after["duration"] = 0.0
-        return after
-    after["duration"] -= failure.time_after_ignition_s
-    after["duration"] /= failure.left
-    before["duration"] = failure.time_after_ignition_s
-    for name in ("tail_knots", "tail_gain"):
-        before[name] = 0
-    return after
 
 
 def list_missions() -> tuple[str, ...]:

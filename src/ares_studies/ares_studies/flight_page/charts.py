@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_studies.flight_page.data import AirLimit, DrawnFlight, span_of
+from ares_studies.flight_page import lines
+from ares_studies.flight_page.data import DrawnFlight, span_of
 from ares_studies.flight_page.land import coasts, land_on
+from ares_studies.flight_page.lines import LevelLine, Line
 from ares_studies.pages.parts import (
     Axis,
     Chapter,
@@ -28,34 +30,8 @@ Array = NDArray[np.float64]
 ROLES: tuple[Role, ...] = ("here", "thesis", "other", "otis", "third")
 #: Style of the first, second and third line of each of several overlaid flights.
 _SHAPES: tuple[Shape, ...] = ("line", "dashes", "dots")
-#: Share of a limit that optima are free to pass it by.
-_REACHED = 1e-3
 #: Margin above and below a level line, in units of its last decimal.
 _LEVEL_ROOM = 5.0
-
-
-@dataclass(frozen=True)
-class Line:
-    """Hold a line of a chart: its name if the chart has several, points, decimals.
-
-    `t` holds the times of the points if x is not time.
-    """
-
-    name: str
-    x: Array
-    y: Array
-    digits: int
-    step: bool = False
-    t: Array | None = None
-
-
-@dataclass(frozen=True)
-class LevelLine:
-    """Hold a horizontal line: its height, its name, and how far one flight stays from it."""
-
-    at: float
-    text: str
-    spare: str = ""
 
 
 @dataclass(frozen=True)
@@ -85,179 +61,47 @@ class Chart:
     is_map: bool = False
 
 
-def _state(
-    name: str, scale: float = 1.0, digits: int = 3
-) -> Callable[[DrawnFlight], Sequence[Line]]:
-    """Make one line: a column of the states."""
-
-    def lines(flight: DrawnFlight) -> Sequence[Line]:
-        y = getattr(flight.states, name) * scale
-        return [Line("", flight.states.time_s, y, digits)]
-
-    return lines
-
-
-def _speeds(flight: DrawnFlight) -> Sequence[Line]:
-    states = flight.states
-    return [
-        Line("inertial", states.time_s, states.speed_m_s, 2),
-        Line("against the air", states.time_s, states.relative_speed_m_s, 2),
-    ]
-
-
-def _over_range(flight: DrawnFlight) -> Sequence[Line]:
-    states = flight.states
-    return [Line("", states.range_m / 1e3, states.altitude_m / 1e3, 3, t=states.time_s)]
-
-
-def _ground_track(flight: DrawnFlight) -> Sequence[Line]:
-    """Make the track; unwrap the longitude beyond 180 deg."""
-    track = flight.states.track
-    longitude = np.unwrap(track.longitude_deg, period=360.0)
-    return [Line("", longitude, track.latitude_deg, 4, t=flight.states.time_s)]
-
-
-def _propellant(flight: DrawnFlight) -> Sequence[Line]:
-    if not np.any(np.isfinite(flight.propellant_kg)):
-        return []
-    return [Line("", flight.states.time_s, flight.propellant_kg / 1e3, 3)]
-
-
-def _optimality(*columns: tuple[str, str, int]) -> Callable[[DrawnFlight], Sequence[Line]]:
-    """Make lines of an optimum's conditions: name, column, decimals; none for a flown flight."""
-
-    def lines(flight: DrawnFlight) -> Sequence[Line]:
-        proof = flight.optimality
-        if proof is None:
-            return []
-        known = [(name, getattr(proof, column), digits) for name, column, digits in columns]
-        return [
-            Line(name, proof.time_s, y, digits)
-            for name, y, digits in known
-            if np.any(np.isfinite(y))
-        ]
-
-    return lines
-
-
-def _zero(flight: DrawnFlight) -> Sequence[LevelLine]:
-    return () if flight.optimality is None else (LevelLine(0.0, ""),)
-
-
-def _heating(flight: DrawnFlight) -> Sequence[Line]:
-    time, heating = flight.states.time_s, flight.states.heating_w_m2
-    # in the air molecules do not come one by one
-    counts = heating > 0.0 if flight.air is None else time > flight.air.until_s
-    return [Line("", time, np.where(counts, heating, np.nan), 4)]
-
-
-def _heating_limit(flight: DrawnFlight) -> Sequence[LevelLine]:
-    limit = flight.heating_limit_w_m2
-    return () if limit is None else (LevelLine(limit, f"limit, {limit:,.0f} W/m2"),)
-
-
-def _in_air(
-    *columns: tuple[str, str, float, int],
-) -> Callable[[DrawnFlight], Sequence[Line]]:
-    """Make lines of the part in the air: name, column of the states, scale and decimals of each."""
-
-    def lines(flight: DrawnFlight) -> Sequence[Line]:
-        if flight.air is None:
-            return []
-        time = flight.states.time_s
-        rows = time <= flight.air.until_s
-        return [
-            Line(name, time[rows], scale * getattr(flight.states, column)[rows], digits)
-            for name, column, scale, digits in columns
-        ]
-
-    return lines
-
-
-def _air_limits(column: str, unit: str) -> Callable[[DrawnFlight], Sequence[LevelLine]]:
-    """Make lines of the limits of a column of the states, in thousands of its unit."""
-
-    def spare(limit: AirLimit) -> str:
-        left = limit.limit - limit.most
-        if abs(left) < _REACHED * limit.limit:
-            return ", reached"
-        return f", {1e-3 * abs(left):,.2f} " + ("to spare" if left > 0.0 else "beyond it")
-
-    def levels(flight: DrawnFlight) -> Sequence[LevelLine]:
-        return [
-            LevelLine(1e-3 * limit.limit, f"limit, {1e-3 * limit.limit:,g} {unit}", spare(limit))
-            for limit in (flight.air.limits if flight.air else ())
-            if limit.column == column
-        ]
-
-    return levels
-
-
-def _guidance(
-    name: str, digits: int, *, step: bool = False
-) -> Callable[[DrawnFlight], Sequence[Line]]:
-    """Make one line: a column of the guidance status; none if it is never known."""
-
-    def lines(flight: DrawnFlight) -> Sequence[Line]:
-        if flight.guidance is None:
-            return []
-        y = getattr(flight.guidance, name)
-        if not np.any(np.isfinite(y)):
-            return []
-        return [Line("", flight.guidance.time_s, y, digits, step)]
-
-    return lines
-
-
-def _navigation(name: str, scale: float, digits: int) -> Callable[[DrawnFlight], Sequence[Line]]:
-    def lines(flight: DrawnFlight) -> Sequence[Line]:
-        if flight.navigation is None:
-            return []
-        return [
-            Line("", flight.navigation.time_s, getattr(flight.navigation, name) * scale, digits)
-        ]
-
-    return lines
-
-
 CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
     (
         "Trajectory",
         "The way of the vehicle: of a flight the truth, as the simulator published it.",
         (
             Chart(
-                "Altitude", "Above the ground.", Axis("altitude", "km"), _state("altitude_m", 1e-3)
+                "Altitude",
+                "Above the ground.",
+                Axis("altitude", "km"),
+                lines.state("altitude_m", 1e-3),
             ),
             Chart(
                 "Speed",
                 "Inertial, and against the air that turns with the ground.",
                 Axis("speed", "m/s"),
-                _speeds,
+                lines.speeds,
             ),
             Chart(
                 "Flight-path angle",
                 "Of the inertial velocity above the local horizontal.",
                 Axis("flight-path angle", "deg"),
-                _state("flight_path_angle_deg", digits=4),
+                lines.state("flight_path_angle_deg", digits=4),
             ),
             Chart(
                 "Ground range",
                 "Length of the way along the ground track.",
                 Axis("ground range", "km"),
-                _state("range_m", 1e-3, 2),
+                lines.state("range_m", 1e-3, 2),
             ),
             Chart(
                 "Altitude over ground range",
                 "The shape of the flight.",
                 Axis("altitude", "km"),
-                _over_range,
+                lines.over_range,
                 x=Axis("ground range", "km"),
             ),
             Chart(
                 "Ground track",
                 "The places below, and the land around them.",
                 Axis("latitude", "deg"),
-                _ground_track,
+                lines.ground_track,
                 x=Axis("longitude", "deg"),
                 is_map=True,
             ),
@@ -271,34 +115,36 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Pitch of the thrust",
                 "Above the local horizontal.",
                 Axis("pitch", "deg"),
-                _state("pitch_deg", digits=4),
+                lines.state("pitch_deg", digits=4),
             ),
             Chart(
                 "Yaw of the thrust",
                 "Azimuth of the thrust minus that of the inertial velocity; positive to the right.",
                 Axis("yaw", "deg"),
-                _state("yaw_deg", digits=5),
+                lines.state("yaw_deg", digits=5),
             ),
-            Chart("Mass", "Of the vehicle.", Axis("mass", "t"), _state("mass_kg", 1e-3)),
+            Chart("Mass", "Of the vehicle.", Axis("mass", "t"), lines.state("mass_kg", 1e-3)),
             Chart(
                 "Propellant",
                 "Left in the running stage, by the masses of the mission.",
                 Axis("propellant", "t"),
-                _propellant,
+                lines.propellant,
             ),
-            Chart("Thrust", "Of all engines.", Axis("thrust", "kN"), _state("thrust_n", 1e-3, 2)),
+            Chart(
+                "Thrust", "Of all engines.", Axis("thrust", "kN"), lines.state("thrust_n", 1e-3, 2)
+            ),
             Chart(
                 "Acceleration",
                 "As sensed on board, along the thrust.",
                 Axis("acceleration", "m/s2"),
-                _state("acceleration_m_s2", digits=4),
+                lines.state("acceleration_m_s2", digits=4),
             ),
             Chart(
                 "Heating",
                 "Free molecular heating rate.",
                 Axis("heating rate", "W/m2", log=True),
-                _heating,
-                _heating_limit,
+                lines.heating,
+                lines.heating_limit,
             ),
         ),
     ),
@@ -310,37 +156,37 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Dynamic pressure",
                 "Half the density times the square of the speed against the air.",
                 Axis("dynamic pressure", "kPa"),
-                _in_air(("", "dynamic_pressure_pa", 1e-3, 4)),
-                _air_limits("dynamic_pressure_pa", "kPa"),
+                lines.in_air(("", "dynamic_pressure_pa", 1e-3, 4)),
+                lines.air_limits("dynamic_pressure_pa", "kPa"),
                 in_air=True,
             ),
             Chart(
                 "Mach number",
                 "Speed against the air over the speed of sound.",
                 Axis("Mach number", ""),
-                _in_air(("", "mach", 1.0, 4)),
+                lines.in_air(("", "mach", 1.0, 4)),
                 in_air=True,
             ),
             Chart(
                 "Angle of attack",
                 "From the velocity against the air to the thrust.",
                 Axis("angle of attack", "deg"),
-                _in_air(("", "angle_of_attack_deg", 1.0, 4)),
+                lines.in_air(("", "angle_of_attack_deg", 1.0, 4)),
                 in_air=True,
             ),
             Chart(
                 "Q alpha",
                 "Dynamic pressure times the sine of the angle of attack: what bends the vehicle.",
                 Axis("q alpha", "kPa rad"),
-                _in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
-                _air_limits("q_alpha_pa_rad", "kPa rad"),
+                lines.in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
+                lines.air_limits("q_alpha_pa_rad", "kPa rad"),
                 in_air=True,
             ),
             Chart(
                 "Loads",
                 "Acceleration by thrust and air, along the thrust and across it.",
                 Axis("acceleration", "m/s2"),
-                _in_air(
+                lines.in_air(
                     ("axial", "acceleration_m_s2", 1.0, 4),
                     ("lateral", "lateral_acceleration_m_s2", 1.0, 4),
                 ),
@@ -356,25 +202,25 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Perigee",
                 "Above the equatorial radius; below zero the orbit meets the ground.",
                 Axis("perigee altitude", "km"),
-                _state("perigee_m", 1e-3, 2),
+                lines.state("perigee_m", 1e-3, 2),
             ),
             Chart(
                 "Apogee",
                 "Above the equatorial radius; an escape has none.",
                 Axis("apogee altitude", "km"),
-                _state("apogee_m", 1e-3, 2),
+                lines.state("apogee_m", 1e-3, 2),
             ),
             Chart(
                 "Inclination",
                 "Of the osculating orbit.",
                 Axis("inclination", "deg"),
-                _state("inclination_deg", digits=7),
+                lines.state("inclination_deg", digits=7),
             ),
             Chart(
                 "Eccentricity",
                 "Of the osculating orbit.",
                 Axis("eccentricity", ""),
-                _state("eccentricity", digits=6),
+                lines.state("eccentricity", digits=6),
             ),
         ),
     ),
@@ -386,13 +232,13 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Primer vector, size",
                 "Costate of the velocity, 1 at the start; thrust is worth most where it is large.",
                 Axis("primer", ""),
-                _optimality(("", "primer", 8)),
+                lines.optimality(("", "primer", 8)),
             ),
             Chart(
                 "Primer vector, direction",
                 "Its parts ahead, up and right at the vehicle: where the best thrust points.",
                 Axis("part of the primer", ""),
-                _optimality(
+                lines.optimality(
                     ("ahead", "primer_ahead", 5),
                     ("up", "primer_up", 5),
                     ("right", "primer_right", 5),
@@ -404,15 +250,15 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "zero a burn pays, below zero a coast would; free coasts begin and end at zero. "
                 "Burns of given length have none.",
                 Axis("switching function", "kg/kg"),
-                _optimality(("", "switching", 9)),
-                _zero,
+                lines.optimality(("", "switching", 9)),
+                lines.zero,
             ),
             Chart(
                 "Hamiltonian",
                 "With mass costate and price of propellant: constant along each arc, zero where "
                 "the length of the arc is free.",
                 Axis("Hamiltonian", "m/s2"),
-                _optimality(("", "hamiltonian_m_s2", 9)),
+                lines.optimality(("", "hamiltonian_m_s2", 9)),
                 least=0.01,
             ),
         ),
@@ -425,25 +271,25 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Time to go",
                 "From each cycle to its predicted cut-off.",
                 Axis("time to go", "s"),
-                _guidance("time_to_go_s", 3),
+                lines.guidance("time_to_go_s", 3),
             ),
             Chart(
                 "Iterations",
                 "Of the predictor-corrector, per cycle.",
                 Axis("iterations", "per cycle"),
-                _guidance("iterations", 0, step=True),
+                lines.guidance("iterations", 0, step=True),
             ),
             Chart(
                 "Predicted cut-off",
                 "When the main engine will be cut off.",
                 Axis("predicted cut-off", "s"),
-                _guidance("cutoff_s", 4, step=True),
+                lines.guidance("cutoff_s", 4, step=True),
             ),
             Chart(
                 "Predicted jettison",
                 "When the next part will be dropped, as long as one is left.",
                 Axis("predicted jettison", "s"),
-                _guidance("jettison_s", 4, step=True),
+                lines.guidance("jettison_s", 4, step=True),
             ),
         ),
     ),
@@ -455,13 +301,13 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Position error",
                 "Distance of the navigated from the true position.",
                 Axis("position error", "m"),
-                _navigation("position_m", 1.0, 4),
+                lines.navigation("position_m", 1.0, 4),
             ),
             Chart(
                 "Velocity error",
                 "Size of the difference of navigated and true velocity.",
                 Axis("velocity error", "m/s"),
-                _navigation("velocity_m_s", 1.0, 6),
+                lines.navigation("velocity_m_s", 1.0, 6),
             ),
         ),
     ),
