@@ -23,7 +23,7 @@ from ares_guidance.kernels.segments import (
     note_tail_off,
     thrust_integrals,
 )
-from ares_models.arrays import MissionRecords
+from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity
 from ares_models.kernels.targets import (
@@ -120,6 +120,54 @@ def pitch_integrals(
 
 
 @kernel
+def terminal_frame(mission: MissionRecords, solution: Record) -> tuple[Frame, Vector, Vector]:
+    """Compute the "rotation to terminal coordinates", at the cut-off point of the last pass.
+
+    Returns:
+        the frame, wanted position m and velocity m/s.
+    """
+    eta = load(solution.plane_normal)
+    point = project_to_plane(load(solution.desired_position), eta)
+    wanted_r, wanted_v, zeta = desired_state(mission.target, mission.environment.mu, point, eta)
+    return (unit(wanted_r), eta, zeta), wanted_r, wanted_v
+
+
+@kernel
+def estimated_time_to_go(
+    state: Record, estimate: float, gain: Vector, mean_gravity: Vector
+) -> tuple[Vector, float]:
+    """Compute velocity-to-go, m/s, and "estimated time-to-go", s.
+
+    Args:
+        state: record GUIDANCE_STATE.
+        estimate: time to go of the last pass, s.
+        gain: wanted change of the velocity, m/s.
+        mean_gravity: m/s2.
+    """
+    v_go = axpy(-(estimate + state.solution.tail_drift), mean_gravity, gain)
+    t_go, _ = burn_time_to_go(state, norm(v_go))
+    return axpy(estimate - t_go, mean_gravity, v_go), t_go
+
+
+@kernel
+def chi_tilde(frame: Frame, v_go: Vector) -> tuple[float, float]:
+    """Return pitch and yaw of the velocity-to-go, rad."""
+    xi, eta, zeta = frame
+    up, ahead = dot(v_go, xi), dot(v_go, zeta)
+    yaw = math.atan2(dot(v_go, eta), math.sqrt(up * up + ahead * ahead))
+    return math.atan2(up, ahead), yaw
+
+
+@kernel
+def store_cutoff(state: Record, r: Vector, v: Vector, normal: Vector) -> None:
+    """Store the predicted cut-off, which places the next terminal frame."""
+    store(state.solution.desired_position, r)
+    store(state.solution.plane_normal, normal)
+    store(state.predicted_position, r)
+    store(state.predicted_velocity, v)
+
+
+@kernel
 def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bool]:
     """Run one pass: terminal frame, time to go, chi-tilde, K1 to K4, range angle.
 
@@ -140,37 +188,23 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     estimate, last = burn_time_to_go(state, norm(before))
     note_tail_off(mission.arcs[state.segments[last].arc], state)
 
-    # "rotation to terminal coordinates", at the cut-off point that the last pass predicted
-    eta = load(solution.plane_normal)
-    wanted_r, wanted_v, zeta = desired_state(
-        target, environment.mu, project_to_plane(load(solution.desired_position), eta), eta
-    )
-    frame = (unit(wanted_r), eta, zeta)
-    xi = frame[0]
+    frame, wanted_r, wanted_v = terminal_frame(mission, solution)
+    xi, eta, zeta = frame
     mean_gravity = scale(0.5, add(gravity(r, environment), gravity(wanted_r, environment)))
-
-    # "estimated time-to-go"
-    v_go = axpy(-(estimate + solution.tail_drift), mean_gravity, sub(wanted_v, v))
-    t_go, _ = burn_time_to_go(state, norm(v_go))
-    v_go = axpy(estimate - t_go, mean_gravity, v_go)
+    v_go, t_go = estimated_time_to_go(state, estimate, sub(wanted_v, v), mean_gravity)
     solution.time_to_go = t_go
     horizon = t_go + solution.tail_drift
     integrals = thrust_integrals(state, horizon, t_go)
     l_sum, j_sum, s_sum = integrals[0], integrals[1], integrals[2]
 
-    # chi-tilde
-    up, ahead = dot(v_go, xi), dot(v_go, zeta)
-    yaw = math.atan2(dot(v_go, eta), math.sqrt(up * up + ahead * ahead))
-    pitch = math.atan2(up, ahead)
-
+    pitch, yaw = chi_tilde(frame, v_go)
     # "yaw" and "pitch steering parameters"
     coast = axpy(horizon, v, axpy(0.5 * horizon * horizon, mean_gravity, r))
     k_3, k_4 = yaw_terms(dot(coast, eta) + s_sum * math.sin(yaw), yaw, integrals)
     s_p, q_p, ratio = pitch_integrals(yaw, k_3, k_4, integrals)
     d_p = s_p - ratio * q_p
     risen = dot(coast, xi) + s_p * math.sin(pitch)
-    miss = risen - norm(wanted_r)
-    k_1 = within_limit(miss / (d_p * math.cos(pitch)))
+    k_1 = within_limit((risen - norm(wanted_r)) / (d_p * math.cos(pitch)))
     k_2 = ratio * k_1
     solution.turn = max(abs(k_1), abs(k_3))
     if may_release_place(mission, onboard, abs(k_1)):
@@ -189,10 +223,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     r_p = axpy(beyond, zeta, wanted_r)
     normal, reachable = plane_normal(target, r_p, cross(r_p, wanted_v))
     store(solution.velocity_to_go, v_go)
-    store(solution.desired_position, r_p)
-    store(solution.plane_normal, normal)
-    store(state.predicted_position, r_p)
-    store(state.predicted_velocity, wanted_v)
+    store_cutoff(state, r_p, wanted_v, normal)
     store(solution.direction, thrust_direction(frame, pitch - k_1, yaw - k_3))
     store(solution.direction_rate, thrust_turn(frame, pitch - k_1, yaw - k_3, k_2, k_4))
     solution.reference_time = nav.time

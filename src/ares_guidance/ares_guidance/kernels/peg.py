@@ -11,7 +11,12 @@ from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.near import may_release_place
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
-from ares_guidance.kernels.segments import burn_time_to_go, note_tail_off, thrust_integrals
+from ares_guidance.kernels.segments import (
+    Integrals,
+    burn_time_to_go,
+    note_tail_off,
+    thrust_integrals,
+)
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.targets import (
@@ -22,6 +27,7 @@ from ares_models.kernels.targets import (
     project_to_plane,
 )
 from ares_models.kernels.vectors import (
+    Vector,
     add,
     axpy,
     cross,
@@ -36,6 +42,52 @@ from ares_models.kernels.vectors import (
 
 #: Least lever arm of a turn, as a fraction of the displacement by thrust.
 LEAST_LEVER = 1e-9
+
+
+@kernel
+def steer(
+    mission: MissionRecords, onboard: Onboard, integrals: Integrals, horizon: float
+) -> tuple[LinearTangent, Vector, bool]:
+    """Find the law that leads to the desired position.
+
+    Args:
+        mission, onboard: as in :func:`iterate`, with the time to go.
+        integrals: of :func:`thrust_integrals`.
+        horizon: time to the end of thrust, s.
+
+    Returns:
+        the law; the displacement by thrust that is wanted, m; whether the place is released.
+    """
+    nav = onboard.navigation
+    solution = onboard.state.solution
+    t_go = solution.time_to_go
+    r = load(nav.position)
+    v = load(nav.velocity)
+    l_sum, j_sum, s_sum, q_sum, _, _ = integrals
+    direction = unit(load(solution.velocity_to_go))
+    k = j_sum / l_sum
+    gravity_r = scale((horizon / solution.gravity_time) ** 2, load(solution.gravity_displacement))
+    normal = load(solution.plane_normal)
+    wanted_r = load(solution.desired_position)
+    downrange = cross(normal, unit(wanted_r))
+    r_go = sub(wanted_r, add(axpy(horizon, v, r), gravity_r))
+    r_go = add(r_go, load(solution.displacement_bias))
+    r_go = axpy(-dot(downrange, r_go), downrange, r_go)
+    # downrange is free: choose it so that the part along the thrust equals the burn's displacement
+    r_go = axpy((s_sum - dot(direction, r_go)) / dot(direction, downrange), downrange, r_go)
+    lever = q_sum - s_sum * k
+    rate = scale(1.0 / lever, axpy(-s_sum, direction, r_go))
+    if not abs(lever) > LEAST_LEVER * abs(s_sum) * t_go:
+        # a turn has no effect, such as in held attitude
+        rate = (0.0, 0.0, 0.0)
+    solution.turn = norm(rate) * max(k, t_go - k)
+    if solution.turn > STEEPEST:
+        rate = scale(STEEPEST / solution.turn, rate)
+    let_go = may_release_place(mission, onboard, solution.turn)
+    if let_go:
+        rate = (0.0, 0.0, 0.0)
+        r_go = scale(s_sum, direction)
+    return LinearTangent(direction, rate, k), r_go, let_go
 
 
 @kernel
@@ -62,33 +114,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     note_tail_off(mission.arcs[state.segments[last].arc], state)
     horizon = t_go + solution.tail_drift
     integrals = thrust_integrals(state, horizon, t_go)
-    l_sum, j_sum, s_sum, q_sum, _, _ = integrals
-
-    # steering
-    direction = unit(v_go)
-    k = j_sum / l_sum
-    gravity_r = scale((horizon / solution.gravity_time) ** 2, load(solution.gravity_displacement))
-    normal = load(solution.plane_normal)
-    wanted_r = load(solution.desired_position)
-    downrange = cross(normal, unit(wanted_r))
-    r_go = sub(wanted_r, add(axpy(horizon, v, r), gravity_r))
-    r_go = add(r_go, load(solution.displacement_bias))
-    r_go = axpy(-dot(downrange, r_go), downrange, r_go)
-    # downrange is free: choose it so that the part along the thrust equals the burn's displacement
-    r_go = axpy((s_sum - dot(direction, r_go)) / dot(direction, downrange), downrange, r_go)
-    lever = q_sum - s_sum * k
-    rate = scale(1.0 / lever, axpy(-s_sum, direction, r_go))
-    if not abs(lever) > LEAST_LEVER * abs(s_sum) * t_go:
-        # a turn has no effect, such as in held attitude
-        rate = (0.0, 0.0, 0.0)
-    solution.turn = norm(rate) * max(k, t_go - k)
-    if solution.turn > STEEPEST:
-        rate = scale(STEEPEST / solution.turn, rate)
-    let_go = may_release_place(mission, onboard, solution.turn)
-    if let_go:
-        rate = (0.0, 0.0, 0.0)
-        r_go = scale(s_sum, direction)
-    steering = LinearTangent(direction, rate, k)
+    steering, r_go, let_go = steer(mission, onboard, integrals, horizon)
 
     # prediction
     thrust_v, thrust_r = steered_thrust(integrals, steering)
@@ -111,7 +137,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     store(solution.plane_normal, normal)
     store(state.predicted_position, r_p)
     store(state.predicted_velocity, v_p)
-    store(solution.direction, direction)
-    store(solution.direction_rate, rate)
-    solution.reference_time = nav.time + k
+    store(solution.direction, steering.direction)
+    store(solution.direction_rate, steering.rate)
+    solution.reference_time = nav.time + steering.reference
     return norm(miss), moved, reachable

@@ -124,11 +124,47 @@ def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: floa
 
 
 @kernel
+def _solve(goal: float, r0: float, sigma: float, alpha: float, high: float) -> Universal:
+    """Solve Kepler's equation for the universal functions; arguments as in :func:`first_anomaly`.
+
+    It is monotone in the universal anomaly and solved by Laguerre-Conway steps inside a bracket,
+    so that one loop serves ellipses, parabolas and hyperbolas and always ends.
+    """
+    low = 0.0
+    x = first_anomaly(goal, r0, sigma, alpha, high)
+    functions = (1.0, 0.0, 0.0, 0.0)
+    for _ in range(_MAX_ITERATIONS):
+        functions = universal_functions(x, alpha)
+        radius, reached = _radius_and_time(functions, r0, sigma)
+        error = reached - goal
+        if error > 0.0 or not math.isfinite(error):
+            high = x
+        else:
+            low = x
+        slope = sigma * functions[0] + (1.0 - alpha * r0) * functions[1]
+        # Laguerre-Conway, degree 5
+        root = math.sqrt(abs(16.0 * radius * radius - 20.0 * error * slope))
+        step = -5.0 * error / (radius + root)
+        if abs(step) <= _TOLERANCE * x:
+            return _further(functions, step, alpha)
+        if abs(step) <= _SHORT * x and abs(alpha) * step * step <= _SHORT_Z:
+            near = _further(functions, step, alpha)
+            radius, reached = _radius_and_time(near, r0, sigma)
+            rest = (goal - reached) / radius
+            if abs(rest) <= _LAST * x:
+                return _further(near, rest, alpha)
+        trial = x + step
+        if not low < trial < high:
+            trial = 2.0 * x if high == math.inf else 0.5 * (low + high)
+            if trial in (low, high):
+                break
+        x = trial
+    return functions
+
+
+@kernel
 def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     """Propagate position and velocity along the conic by ``dt`` s, backwards if negative.
-
-    Kepler's equation is monotone in the universal anomaly; it is solved by Laguerre-Conway steps
-    inside a bracket, so that one loop serves ellipses, parabolas and hyperbolas and always ends.
 
     Args:
         r: position, m.
@@ -154,7 +190,6 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     sign = 1.0 if dt > 0.0 else -1.0
     sigma = sign * dot(r, v) / root_mu
     time = sign * dt
-    low = 0.0
     high = math.inf
     goal = root_mu * time
     if alpha > 0.0:
@@ -164,36 +199,7 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
             goal = root_mu * time
         high = 2.0 * math.pi / math.sqrt(alpha)
 
-    x = first_anomaly(goal, r0, sigma, alpha, high)
-    functions = (1.0, 0.0, 0.0, 0.0)
-    for _ in range(_MAX_ITERATIONS):
-        functions = universal_functions(x, alpha)
-        radius, reached = _radius_and_time(functions, r0, sigma)
-        error = reached - goal
-        if error > 0.0 or not math.isfinite(error):
-            high = x
-        else:
-            low = x
-        slope = sigma * functions[0] + (1.0 - alpha * r0) * functions[1]
-        # Laguerre-Conway, degree 5
-        root = math.sqrt(abs(16.0 * radius * radius - 20.0 * error * slope))
-        step = -5.0 * error / (radius + root)
-        if abs(step) <= _TOLERANCE * x:
-            functions = _further(functions, step, alpha)
-            break
-        if abs(step) <= _SHORT * x and abs(alpha) * step * step <= _SHORT_Z:
-            near = _further(functions, step, alpha)
-            radius, reached = _radius_and_time(near, r0, sigma)
-            rest = (goal - reached) / radius
-            if abs(rest) <= _LAST * x:
-                functions = _further(near, rest, alpha)
-                break
-        trial = x + step
-        if not low < trial < high:
-            trial = 2.0 * x if high == math.inf else 0.5 * (low + high)
-            if trial in (low, high):
-                break
-        x = trial
+    functions = _solve(goal, r0, sigma, alpha, high)
     radius, _ = _radius_and_time(functions, r0, sigma)
     _, u1, u2, u3 = functions
 

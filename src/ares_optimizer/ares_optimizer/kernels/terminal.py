@@ -48,6 +48,43 @@ def normal_component(r: Vector, v: Vector, axis: Vector, row: Array) -> float:
 
 
 @kernel
+def point_rows(target: Record, r: Vector, v: Vector, c: Array, gradient: Array) -> None:
+    """Write the first three rows of a point of an orbit: radius, speed, flight-path angle."""
+    radius = norm(r)
+    speed = norm(v)
+    zero = (0.0, 0.0, 0.0)
+    s = SCALE / target.radius
+    c[0] = s * (radius - target.radius)
+    put_row(gradient[0], scale(s / radius, r), zero)
+    s = SCALE / target.speed
+    c[1] = s * (speed - target.speed)
+    put_row(gradient[1], zero, scale(s / speed, v))
+    sine = dot(r, v) / (radius * speed)
+    c[2] = SCALE * (sine - math.sin(target.flight_path_angle))
+    s = SCALE / (radius * speed)
+    put_row(
+        gradient[2],
+        scale(s, axpy(-sine * speed / radius, r, v)),
+        scale(s, axpy(-sine * radius / speed, v, r)),
+    )
+
+
+@kernel
+def eccentricity_component(mu: float, r: Vector, v: Vector, axis: Vector, row: Array) -> float:
+    """Return a component of the eccentricity vector; write its gradient."""
+    radius = norm(r)
+    speed = norm(v)
+    along = dot(r, v)
+    x = dot(r, axis)
+    y = dot(v, axis)
+    q = speed * speed / mu - 1.0 / radius
+    by_position = axpy(q, axis, axpy(x / (radius * radius * radius), r, scale(-y / mu, v)))
+    by_velocity = axpy(2.0 * x / mu, v, axpy(-y / mu, r, scale(-along / mu, axis)))
+    put_row(row, scale(SCALE, by_position), scale(SCALE, by_velocity))
+    return q * x - along * y / mu
+
+
+@kernel
 def terminal_rows(
     target: Record, mu: float, r: Vector, v: Vector, c: Array, gradient: Array
 ) -> int:
@@ -70,27 +107,13 @@ def terminal_rows(
         return element_rows(target, mu, r, v, c, gradient, SCALE)
     radius = norm(r)
     speed = norm(v)
-    zero = (0.0, 0.0, 0.0)
     if target.kind == TARGET_KEPLERIAN:
         a = target.semi_major_axis
         s = SCALE * a / mu
         c[0] = s * (0.5 * speed * speed - mu / radius + 0.5 * mu / a)
         put_row(gradient[0], scale(s * mu / (radius * radius * radius), r), scale(s, v))
     else:
-        s = SCALE / target.radius
-        c[0] = s * (radius - target.radius)
-        put_row(gradient[0], scale(s / radius, r), zero)
-        s = SCALE / target.speed
-        c[1] = s * (speed - target.speed)
-        put_row(gradient[1], zero, scale(s / speed, v))
-        sine = dot(r, v) / (radius * speed)
-        c[2] = SCALE * (sine - math.sin(target.flight_path_angle))
-        s = SCALE / (radius * speed)
-        put_row(
-            gradient[2],
-            scale(s, axpy(-sine * speed / radius, r, v)),
-            scale(s, axpy(-sine * radius / speed, v, r)),
-        )
+        point_rows(target, r, v, c, gradient)
     si = math.sin(target.inclination)
     ci = math.cos(target.inclination)
     if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION and abs(si) > _EQUATORIAL:
@@ -106,20 +129,9 @@ def terminal_rows(
         return 5
     cw = math.cos(target.argument_of_perigee)
     sw = math.sin(target.argument_of_perigee)
-    along = dot(r, v)
-    for k in range(2):
-        # component towards perigee, and 90 deg ahead of it
-        if k == 0:
-            axis = axpy(sw, across, scale(cw, node))
-            level = target.eccentricity
-        else:
-            axis = axpy(cw, across, scale(-sw, node))
-            level = 0.0
-        x = dot(r, axis)
-        y = dot(v, axis)
-        q = speed * speed / mu - 1.0 / radius
-        c[1 + k] = SCALE * (q * x - along * y / mu - level)
-        by_position = axpy(q, axis, axpy(x / (radius * radius * radius), r, scale(-y / mu, v)))
-        by_velocity = axpy(2.0 * x / mu, v, axpy(-y / mu, r, scale(-along / mu, axis)))
-        put_row(gradient[1 + k], scale(SCALE, by_position), scale(SCALE, by_velocity))
+    # components towards perigee, and 90 deg ahead of it
+    towards = axpy(sw, across, scale(cw, node))
+    ahead = axpy(cw, across, scale(-sw, node))
+    c[1] = SCALE * (eccentricity_component(mu, r, v, towards, gradient[1]) - target.eccentricity)
+    c[2] = SCALE * eccentricity_component(mu, r, v, ahead, gradient[2])
     return 5

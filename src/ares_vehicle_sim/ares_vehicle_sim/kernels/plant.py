@@ -490,6 +490,26 @@ def limited_thrust(
 
 
 @kernel
+def step_directions(
+    plant: Record, arcs: NDArray[Any], end: float, rate_limit: float
+) -> tuple[Vector, Vector, Vector]:
+    """Return the thrust directions at begin, middle and end of a step, for a limit in rad/s."""
+    t = plant.time
+    h = end - t
+    u1 = commanded_direction(plant, arcs, end)
+    if not math.isfinite(rate_limit):
+        u0 = commanded_direction(plant, arcs, t)
+        return u0, commanded_direction(plant, arcs, t + 0.5 * h), u1
+    u0 = load(plant.direction)
+    angle = angle_between(u0, u1)
+    reach = rate_limit * h
+    if angle > reach:
+        across = unit(axpy(-math.cos(angle), u0, u1))
+        u1 = add(scale(math.cos(reach), u0), scale(math.sin(reach), across))
+    return u0, unit(add(u0, u1)), u1
+
+
+@kernel
 def integrate_in_air(
     mission: MissionRecords,
     plant: Record,
@@ -504,8 +524,8 @@ def integrate_in_air(
         mission: its records.
         plant: record PLANT.
         end: s.
-        directions: of the thrust at begin, middle and end.
-        thrusts: in vacuum, likewise, N.
+        directions: of the thrust at begin, middle and end, where it is not vertical.
+        thrusts: in vacuum, likewise, N, where they are not limited.
         masses: likewise, kg.
     """
     environment = mission.environment
@@ -513,6 +533,16 @@ def integrate_in_air(
     h = end - plant.time
     r = load(plant.position)
     v = load(plant.velocity)
+    if arc.vertical == 1:
+        up = local_vertical(r, environment)
+        directions = (up, up, up)
+    if throttled(plant, arc, plant.time):
+        engine = (arc.exhaust_velocity, arc.mass_flow)
+        kind, _ = throttle_regime(arc, engine, plant.mass)
+        if kind == LIMITED:
+            middle = mass_after(arc, engine, kind, plant.mass, 0.5 * h)
+            masses = (plant.mass, middle, mass_after(arc, engine, kind, plant.mass, h))
+            thrusts = scale(arc.max_acceleration, masses)
     s1 = air_acceleration(mission, arc, (r, v), thrusts[0], masses[0], directions[0])
     a1 = add(s1, gravity(r, environment))
     r2, v2 = axpy(0.5 * h, v, r), axpy(0.5 * h, a1, v)
@@ -555,7 +585,6 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     environment = mission.environment
     arcs = mission.arcs
     plant = vehicle.plant
-    rate_limit = vehicle.options.attitude_rate_limit
     t = plant.time
     h = end - t
     arc = arcs[plant.arc]
@@ -570,37 +599,15 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
         t1, f1 = thrust_now(plant, arcs, end - inset)
     tm = 0.5 * (t0 + t1)
     fm = 0.5 * (f0 + f1)
-    if math.isfinite(rate_limit):
-        u0 = load(plant.direction)
-        u1 = commanded_direction(plant, arcs, end)
-        angle = angle_between(u0, u1)
-        reach = rate_limit * h
-        if angle > reach:
-            across = unit(axpy(-math.cos(angle), u0, u1))
-            u1 = add(scale(math.cos(reach), u0), scale(math.sin(reach), across))
-        um = unit(add(u0, u1))
-    else:
-        u0 = commanded_direction(plant, arcs, t)
-        um = commanded_direction(plant, arcs, t + 0.5 * h)
-        u1 = commanded_direction(plant, arcs, end)
+    u0, um, u1 = step_directions(plant, arcs, end, vehicle.options.attitude_rate_limit)
     r = load(plant.position)
     v = load(plant.velocity)
     m = plant.mass
     m_end = m - h * fm
     in_air = is_in_air(arc)
     if in_air and meets_air(mission, plant):
-        if arc.vertical == 1:
-            u0 = um = u1 = local_vertical(r, environment)
         masses = (m, m - 0.25 * h * (f0 + fm), m_end)
-        thrusts = (t0, tm, t1)
-        if throttled(plant, arc, t):
-            engine = (arc.exhaust_velocity, arc.mass_flow)
-            kind, _ = throttle_regime(arc, engine, m)
-            if kind == LIMITED:
-                middle = mass_after(arc, engine, kind, m, 0.5 * h)
-                masses = (m, middle, mass_after(arc, engine, kind, m, h))
-                thrusts = scale(arc.max_acceleration, masses)
-        integrate_in_air(mission, plant, end, (u0, um, u1), thrusts, masses)
+        integrate_in_air(mission, plant, end, (u0, um, u1), (t0, tm, t1), masses)
         return
     s0 = scale(t0 / m, u0)
     sm = scale(tm / (m - 0.25 * h * (f0 + fm)), um)

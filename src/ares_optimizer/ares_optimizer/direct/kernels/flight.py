@@ -543,6 +543,25 @@ def replaced_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engin
 
 
 @kernel
+def change_engine(at: Break, engine: Engine, profile: Array, tail: Array, drops: Array) -> Engine:
+    """Return the engine from a break on."""
+    if at.kind == PIECE:
+        piece = profile[at.number]
+        return engine_from(piece, at, piece[P_MASS], engine)
+    if at.kind == TAIL:
+        # the tail begins at the cut-off with the mass at that time
+        mass = mass_at(engine, at.time) + engine.dropped
+        return engine_from(tail[at.number], at, mass, engine)
+    if at.kind == DROP:
+        dropped = engine.dropped + drops[at.number, D_MASS]
+        return replaced_engine(engine, dropped, engine.cutoff_flow)
+    if at.kind == CUTOFF:
+        flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
+        return replaced_engine(engine, engine.dropped, flow)
+    return engine
+
+
+@kernel
 def law_at(at: Break, laws: Index) -> int:
     """Return the index of the law that begins at a break; -1: none."""
     if at.kind == LAW:
@@ -854,22 +873,11 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
             holds = True
         elif at.kind == HELD_END:
             holds = False
-        elif at.kind == PIECE:
-            piece = problem.profile[at.number]
-            engine = engine_from(piece, at, piece[P_MASS], engine)
-        elif at.kind == TAIL:
-            # the tail begins at the cut-off with the mass at that time
-            mass = mass_at(engine, at.time) + engine.dropped
-            engine = engine_from(tail[at.number], at, mass, engine)
         elif at.kind == DROP:
             steering = axpy(at.time - law.time, law.rate, law.direction)
             store(scratch.drops[at.number, 8:], steering)
             store(scratch.drops[at.number, 11:], law.rate)
-            dropped = engine.dropped + problem.drops[at.number, D_MASS]
-            engine = replaced_engine(engine, dropped, engine.cutoff_flow)
-        elif at.kind == CUTOFF:
-            flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
-            engine = replaced_engine(engine, engine.dropped, flow)
+        engine = change_engine(at, engine, problem.profile, tail, problem.drops)
         steps = breaks[b, 3]
         if steps > 0:
             end = break_at(b + 1, p, tail, times, breaks)

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from ares_models.arrays import Record
 from ares_models.jit import allocating, kernel
 from ares_models.kernels.targets import (
     desired_state,
@@ -136,6 +137,35 @@ def place_drops(p: Array, problem: Problem, scratch: Scratch) -> None:
     into_bounds(p, problem)
 
 
+@kernel
+def plane_of_sweep(target: Record, r: Vector, v: Vector) -> Vector:
+    """Return the normal of the target's plane where it is named, else of the motion; unit vector.
+
+    A vertical motion goes on to the east.
+    """
+    if plane_is_named(target):
+        return named_plane(target)
+    normal = cross(r, v)
+    if norm(normal) < 1e-6 * norm(r) * norm(v):
+        normal = cross(r, cross((0.0, 0.0, 1.0), r))
+    return unit(normal)
+
+
+@allocating
+def keep_if_best(p: Array, miss: float, found: int, starts: Array, misses: Array) -> int:
+    """Put a start among the best ``found`` if it is one, best first; return their number."""
+    if found == misses.size and miss >= misses[found - 1]:
+        return found
+    k = min(found, misses.size - 1)
+    while k > 0 and misses[k - 1] > miss:
+        misses[k] = misses[k - 1]
+        starts[k] = starts[k - 1]
+        k -= 1
+    misses[k] = miss
+    starts[k] = p
+    return min(found + 1, misses.size)
+
+
 @allocating
 def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misses: Array) -> int:
     """Find starts for the solver.
@@ -157,13 +187,7 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
     v = load(problem.state[3:])
     up = unit(r)
     radius = norm(r)
-    if plane_is_named(target):
-        normal = named_plane(target)
-    else:
-        normal = cross(r, v)
-        if norm(normal) < 1e-6 * radius * norm(v):
-            normal = cross(r, cross((0.0, 0.0, 1.0), r))
-        normal = unit(normal)
+    normal = plane_of_sweep(target, r, v)
     along = unit(cross(normal, up))
     _, wanted, _ = desired_state(target, mu, project_to_plane(r, normal), normal)
     needed = norm(axpy(-1.0, v, wanted))
@@ -192,19 +216,8 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
                 s = 0.0
                 for e in point.equations:
                     s += e * e
-                if not math.isfinite(s):
-                    continue
-                if found == misses.size and s >= misses[found - 1]:
-                    continue
-                k = min(found, misses.size - 1)
-                while k > 0 and misses[k - 1] > s:
-                    misses[k] = misses[k - 1]
-                    starts[k] = starts[k - 1]
-                    k -= 1
-                misses[k] = s
-                starts[k] = p
-                if found < misses.size:
-                    found += 1
+                if math.isfinite(s):
+                    found = keep_if_best(p, s, found, starts, misses)
     for k in range(found):
         for _ in range(_PASSES):
             evaluate(starts[k], problem, scratch, point)

@@ -188,6 +188,36 @@ def _stage_tangents(at: _Stage, work: Record) -> None:
 
 
 @kernel
+def _field(r: Vector, gravity: Gravity) -> tuple[float, float, float, Vector]:
+    """Return k = -g/r, 1/s2; 3 k and 3 k / r; unit vector up. Under linear gravity the rest is 0."""
+    if gravity.model == LINEAR:
+        return gravity.omega_square, 0.0, 0.0, (0.0, 0.0, 0.0)
+    x, y, z = r
+    inverse = 1.0 / math.sqrt(x * x + y * y + z * z)
+    k = gravity.mu * inverse * inverse * inverse
+    three = 3.0 * k
+    return k, three, three * inverse, (x * inverse, y * inverse, z * inverse)
+
+
+@kernel
+def _add_oblateness(at: _Stage, oblateness: float, work: Record) -> None:
+    """Add the oblate terms to the accelerations at a stage, and to their tangents."""
+    m = at.number
+    g, gradient_p = oblate_terms(at.r, oblateness, at.p)
+    for n in range(3):
+        work.stage[m, n] += g[n]
+        work.stage[m, 3 + n] += gradient_p[n]
+    for c in range(work.columns):
+        dr = load(work.moved[c])
+        _, by_place = oblate_terms(at.r, oblateness, dr)
+        _, by_primer = oblate_terms(at.r, oblateness, load(work.moved[c, 3:]))
+        curved = oblate_curvature(at.r, oblateness, at.p, dr)
+        for n in range(3):
+            work.stage_tangent[m, c, n] += by_place[n]
+            work.stage_tangent[m, c, 3 + n] += by_primer[n] + curved[n]
+
+
+@kernel
 def _put_accelerations(
     at: _Stage, thrust: float, held: int, gravity: Gravity, work: Record
 ) -> None:
@@ -208,17 +238,7 @@ def _put_accelerations(
     if held > 0:
         u0, u1, u2 = load(work.aims[held - 1].direction)
         turn = 0.0
-    if gravity.model == LINEAR:
-        k = gravity.omega_square
-        three = 0.0
-        third = 0.0
-        e0, e1, e2 = 0.0, 0.0, 0.0
-    else:
-        inverse_r = 1.0 / math.sqrt(y0 * y0 + y1 * y1 + y2 * y2)
-        k = gravity.mu * inverse_r * inverse_r * inverse_r
-        three = 3.0 * k
-        third = three * inverse_r
-        e0, e1, e2 = y0 * inverse_r, y1 * inverse_r, y2 * inverse_r
+    k, three, third, (e0, e1, e2) = _field(at.r, gravity)
     ep = e0 * y3 + e1 * y4 + e2 * y5
     stage = work.stage
     m = at.number
@@ -231,12 +251,6 @@ def _put_accelerations(
     stage_tangent = work.stage_tangent
     moved = work.moved
     _stage_tangents(at, work)
-    oblate = gravity.model != LINEAR and gravity.oblateness != 0.0
-    if oblate:
-        g, gradient_p = oblate_terms(at.r, gravity.oblateness, at.p)
-        for n in range(3):
-            stage[m, n] += g[n]
-            stage[m, 3 + n] += gradient_p[n]
     for c in range(work.columns):
         a0, a1, a2 = moved[c, 0], moved[c, 1], moved[c, 2]
         b0, b1, b2 = moved[c, 3], moved[c, 4], moved[c, 5]
@@ -255,14 +269,8 @@ def _put_accelerations(
         stage_tangent[m, c, 3] = w * e0 - k * b0 + x * y3 + z * a0
         stage_tangent[m, c, 4] = w * e1 - k * b1 + x * y4 + z * a1
         stage_tangent[m, c, 5] = w * e2 - k * b2 + x * y5 + z * a2
-        if oblate:
-            dr = (a0, a1, a2)
-            _, by_place = oblate_terms(at.r, gravity.oblateness, dr)
-            _, by_primer = oblate_terms(at.r, gravity.oblateness, (b0, b1, b2))
-            curved = oblate_curvature(at.r, gravity.oblateness, at.p, dr)
-            for n in range(3):
-                stage_tangent[m, c, n] += by_place[n]
-                stage_tangent[m, c, 3 + n] += by_primer[n] + curved[n]
+    if gravity.model != LINEAR and gravity.oblateness != 0.0:
+        _add_oblateness(at, gravity.oblateness, work)
     if held > 0 and work.columns > 0:
         for n in range(3):
             stage_tangent[m, direction_column(held, work) + n, n] += thrust
@@ -393,6 +401,16 @@ def smooth_share(h: float, done: float, work: Record) -> float:
 
 
 @kernel
+def _reuse_last_stage(work: Record) -> None:
+    """Take the last stage for the first (FSAL): thrust is continuous within a segment."""
+    for n in range(6):
+        work.stage[0, n] = work.stage[STAGES - 1, n]
+    for c in range(work.columns):
+        for n in range(6):
+            work.stage_tangent[0, c, n] = work.stage_tangent[STAGES - 1, c, n]
+
+
+@kernel
 def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Record) -> None:
     """Integrate ``work.state`` and ``work.tangent`` over a segment in equal steps.
 
@@ -406,8 +424,6 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
             the mass costate is written too.
     """
     length = (segment.end - segment.start) / steps
-    stage = work.stage
-    stage_tangent = work.stage_tangent
     # throttled to constant acceleration, the mass costate has a closed form (free_arcs)
     costate = work.planned == 1 and segment.fading == 0.0
     held = segment.held
@@ -424,12 +440,7 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
             h = share * length
             set_stretch(segment, steps / share, work)
             if first == 1:
-                # first stage same as last (FSAL): thrust is continuous within a segment
-                for n in range(6):
-                    stage[0, n] = stage[STAGES - 1, n]
-                for c in range(work.columns):
-                    for n in range(6):
-                        stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
+                _reuse_last_stage(work)
                 if costate:
                     _add_costate_rate(VELOCITY_WEIGHTS[0], h, work)
                 if held > 0:

@@ -142,6 +142,31 @@ def _first_cutoff(
 
 
 @kernel
+def _mean_rate(mu: float, begin: float, end: float) -> float:
+    """Return omega of linear gravity at the mean of two radii, m: 1/s."""
+    mean = 0.5 * (begin + min(end, 1.5 * begin))
+    return math.sqrt(mu / (mean * mean * mean))
+
+
+@kernel
+def _longer_burn(mission: MissionRecords, gain: float, mass: float) -> float:
+    """Return by how much the last burn is longer for a gain, m/s, at a mass, kg: s."""
+    final = mission.arcs[mission.arcs.shape[0] - 1]
+    return -math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
+
+
+@kernel
+def _first_end(start: Record, cutoff: float, wanted_v: Vector) -> Vector:
+    """Return the end of a level flight, m, over half of the downrange angle at the mean speed."""
+    r0 = load(start.position)
+    v0 = load(start.velocity)
+    radius = norm(r0)
+    way = min(1.5, 0.5 * (norm(v0) + norm(wanted_v)) * (cutoff - start.time) / radius)
+    ahead = unit(cross(cross(r0, v0), r0))
+    return add(scale(math.cos(way), r0), scale(radius * math.sin(way), ahead))
+
+
+@kernel
 def _guess_times(cutoff: float, wait: float, unknowns: NDArray[np.float64], work: Record) -> None:
     """Write cut-off and jettison times into ``unknowns``."""
     unknowns[COLUMN_CUTOFF] = cutoff
@@ -149,6 +174,16 @@ def _guess_times(cutoff: float, wait: float, unknowns: NDArray[np.float64], work
         earliest = work.floor[i]
         unknowns[i] = earliest + min(wait, 0.5 * (cutoff - earliest))
         unknowns[i + 1] = 0.0
+
+
+@kernel
+def _rate_slope(burn: _Burn, middle: float, cos: float, sin: float) -> float:
+    """Return the change of the primer's rate at the middle per metre of the wanted position."""
+    cc, cs, ss = burn.cc, burn.cs, burn.ss
+    move = burn.omega * (
+        -math.cos(middle) * (cc * cos + cs * sin) - math.sin(middle) * (ss * sin + cs * cos)
+    )
+    return move / (cc * ss - cs * cs)
 
 
 @kernel
@@ -178,6 +213,7 @@ def _steer(
     radius = norm(r0)
     target = mission.target
     omega, cc, cs, ss = burn.omega, burn.cc, burn.cs, burn.ss
+    determinant = cc * ss - cs * cs
     # |lambda_v| is normalised at the middle of the impulse
     middle = math.atan2(cs, cc)
     angle = omega * (burn.end - burn.start)
@@ -187,16 +223,10 @@ def _steer(
     wanted, wanted_v, downrange = desired_state(target, mission.environment.mu, radial, normal)
     a = axpy(omega, wanted, scale(-1.0, axpy(omega * cos, r0, scale(sin, v0))))
     b = add(wanted_v, axpy(omega * sin, r0, scale(-cos, v0)))
-    determinant = cc * ss - cs * cs
-    # change of the rate at the middle per metre of displacement of the wanted position
-    move = omega * (
-        -math.cos(middle) * (cc * cos + cs * sin) - math.sin(middle) * (ss * sin + cs * cos)
-    )
-    slope = move / determinant
+    slope = _rate_slope(burn, middle, cos, sin)
     shift = 0.0
     lateral = 0.0
-    p = v0
-    q = v0
+    p = q = v0
     size = 1.0
     for _ in range(3):
         x = axpy(omega, axpy(shift, downrange, scale(lateral, normal)), a)
@@ -238,9 +268,7 @@ def guess_two_point(
     until the rate has no component along its normal.
 
     Args:
-        start: record NAVIGATION.
-        mission: its records.
-        options: record OPTIONS.
+        start, mission, options: record NAVIGATION, the mission's records, record OPTIONS.
         own: parameters of the guess.
         unknowns: shape (at least n,), written except for the ends of free arcs, which are read.
             Directions of held burns are set to 0.
@@ -259,19 +287,13 @@ def guess_two_point(
     mu = mission.environment.mu
     r0 = load(start.position)
     v0 = load(start.velocity)
-    h0 = cross(r0, v0)
     # choose between two planes through a point: the one closer to this angular momentum
-    towards = scale(own.branch if two_planes(target) else 1.0, h0)
-    radius = norm(r0)
+    towards = scale(own.branch if two_planes(target) else 1.0, cross(r0, v0))
     normal, _ = plane_normal(target, r0, towards)
     wanted, wanted_v, _ = desired_state(target, mu, project_to_plane(r0, normal), normal)
-    mean = 0.5 * (radius + min(norm(wanted), 1.5 * radius))
-    omega = math.sqrt(mu / (mean * mean * mean))
+    omega = _mean_rate(mu, norm(r0), norm(wanted))
     cutoff, least = _first_cutoff(start, mission, norm(sub(wanted_v, v0)), work)
-    # half of the downrange angle at the mean speed
-    way = min(1.5, 0.5 * (norm(v0) + norm(wanted_v)) * (cutoff - start.time) / radius)
-    ahead = unit(cross(h0, r0))
-    reached = add(scale(math.cos(way), r0), scale(radius * math.sin(way), ahead))
+    reached = _first_end(start, cutoff, wanted_v)
     for _ in range(own.rounds):
         _guess_times(cutoff, own.wait, unknowns, work)
         begin_flight(start, mission, options, unknowns, work)
@@ -282,11 +304,8 @@ def guess_two_point(
         burn = _Burn(start.time, omega, last.end, total, cc, cs, ss)
         normal, _ = plane_normal(target, reached, towards)
         reached, size = _steer(start, mission, burn, normal, reached, unknowns)
-        # adjust the cut-off by the rocket equation of the last burn
         gain = (min(max(size, 0.5), 2.0) - 1.0) * total
-        final = mission.arcs[mission.arcs.shape[0] - 1]
-        mass = segment_mass(last, last.end)
-        cutoff -= math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
+        cutoff += _longer_burn(mission, gain, segment_mass(last, last.end))
         span = work.ceiling - work.floor[COLUMN_CUTOFF]
         cutoff = min(max(cutoff, work.floor[COLUMN_CUTOFF] + least), work.ceiling - 0.02 * span)
     return True

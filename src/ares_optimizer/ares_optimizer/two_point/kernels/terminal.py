@@ -49,6 +49,71 @@ def _row(
 
 
 @kernel
+def _turn(place: tuple[Vector, Vector], primer: tuple[Vector, Vector]) -> Vector:
+    """Return C = r x lambda_r + V x lambda_v from (r, V) and (lambda_v, -lambda_r)."""
+    r, v = place
+    p, q = primer
+    return sub(cross(v, p), cross(r, q))
+
+
+@kernel
+def _row_along_orbit(
+    target: Record,
+    mu: float,
+    place: tuple[Vector, Vector],
+    primer: tuple[Vector, Vector],
+    row: int,
+    work: Record,
+) -> None:
+    """Write the row of a Keplerian target: lambda_r . V + lambda_v . g = 0."""
+    r, v = place
+    p, q = primer
+    radius = norm(r)
+    k = mu / (radius * radius * radius)
+    e = scale(1.0 / radius, r)
+    size = target.semi_major_axis * target.semi_major_axis / mu
+    ep = dot(e, p)
+    work.residual[row] = size * (-dot(q, v) - k * radius * ep)
+    _row(
+        work.jacobian[row],
+        work.tangent,
+        work.columns,
+        scale(size * k, axpy(3.0 * ep, e, scale(-1.0, p))),
+        scale(-size, q),
+        scale(-size * k, r),
+        scale(-size, v),
+    )
+
+
+@kernel
+def _downrange_row(
+    target: Record,
+    place: tuple[Vector, Vector],
+    primer: tuple[Vector, Vector],
+    row: int,
+    work: Record,
+) -> None:
+    """Write the row of free downrange: h . C = 0."""
+    r, v = place
+    p, q = primer
+    h = cross(r, v)
+    turn = _turn(place, primer)
+    size = 1.0 / (target.radius * target.speed * target.speed)
+    work.residual[row] = size * dot(turn, h)
+    by_r = sub(cross(v, turn), cross(q, h))
+    by_v = add(cross(turn, r), cross(p, h))
+    _row(
+        work.jacobian[row],
+        work.tangent,
+        work.columns,
+        scale(size, by_r),
+        scale(size, by_v),
+        scale(size, cross(h, v)),
+        scale(-size, cross(h, r)),
+    )
+
+
+@kernel
 def end_rows(target: Record, mu: float, work: Record) -> None:
     """Write residuals and Jacobian rows 1 to 6: terminal set and reduced transversality.
 
@@ -85,14 +150,10 @@ def end_rows(target: Record, mu: float, work: Record) -> None:
     if target.kind == TARGET_ELEMENTS:
         transversality_rows(target, mu, rows, work)
         return
-    radius = norm(r)
-    h = cross(r, v)
-    # C with lambda_r = -q
-    turn = sub(cross(v, p), cross(r, q))
     if rows == 4:
         pole = (0.0, 0.0, 1.0)
         size = 1.0 / target.speed
-        residual[row] = size * turn[2]
+        residual[row] = size * _turn((r, v), (p, q))[2]
         _row(
             jacobian[row],
             tangent,
@@ -104,31 +165,6 @@ def end_rows(target: Record, mu: float, work: Record) -> None:
         )
         row += 1
     if target.kind == TARGET_KEPLERIAN:
-        k = mu / (radius * radius * radius)
-        e = scale(1.0 / radius, r)
-        size = target.semi_major_axis * target.semi_major_axis / mu
-        ep = dot(e, p)
-        residual[row] = size * (-dot(q, v) - k * radius * ep)
-        _row(
-            jacobian[row],
-            tangent,
-            columns,
-            scale(size * k, axpy(3.0 * ep, e, scale(-1.0, p))),
-            scale(-size, q),
-            scale(-size * k, r),
-            scale(-size, v),
-        )
+        _row_along_orbit(target, mu, (r, v), (p, q), row, work)
     else:
-        size = 1.0 / (target.radius * target.speed * target.speed)
-        residual[row] = size * dot(turn, h)
-        by_r = sub(cross(v, turn), cross(q, h))
-        by_v = add(cross(turn, r), cross(p, h))
-        _row(
-            jacobian[row],
-            tangent,
-            columns,
-            scale(size, by_r),
-            scale(size, by_v),
-            scale(size, cross(h, v)),
-            scale(-size, cross(h, r)),
-        )
+        _downrange_row(target, (r, v), (p, q), row, work)

@@ -252,6 +252,15 @@ def _find_partials(
     return True
 
 
+@kernel
+def _largest(step: Array) -> float:
+    """Return the largest modulus of a step."""
+    largest = 0.0
+    for x in step:
+        largest = max(largest, abs(x))
+    return largest
+
+
 @allocating
 def iterate(part: Record, burns: NDArray[Any]) -> bool:
     """Solve for the unknowns by the pseudoinverse of finite differences: section 5.3.3.
@@ -307,10 +316,7 @@ def iterate(part: Record, burns: NDArray[Any]) -> bool:
         if met:
             return project(part, burns, moments)
         least_step(m, f, 0.0, step)
-        longest = 0.0
-        for j in range(columns):
-            longest = max(longest, abs(step[j]))
-        scale = part.step_scale * min(1.0, _LONGEST_STEP / longest)
+        scale = part.step_scale * min(1.0, _LONGEST_STEP / _largest(step))
         for j in range(columns):
             u[j] += scale * step[j]
         _put(part, u)
