@@ -16,16 +16,16 @@ from ares_optimizer.direct.kernels.evaluate import (
     make_point,
     make_scratch,
 )
-from ares_optimizer.direct.kernels.flight import BREAKS, LATER_PEAKS, gravity_gradient
+from ares_optimizer.direct.kernels.flight import gravity_gradient
 from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
-from ares_optimizer.direct.kernels.sqp import (
-    Frame,
+from ares_optimizer.direct.kernels.lagrangian import (
     Multipliers,
     Workspace,
     estimate_multipliers,
     lagrangian_gradient,
-    reduced_hessian,
 )
+from ares_optimizer.direct.kernels.quadratic import Frame, reduced_hessian
+from ares_optimizer.direct.kernels.scratch import BREAKS, LATER_PEAKS
 from ares_optimizer.direct.search import carry_over, find_direct, own_starts, run
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows

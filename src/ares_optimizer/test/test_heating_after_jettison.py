@@ -10,8 +10,8 @@ from ares_models.arrays import COAST
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.direct.kernels.flight import N_COLUMNS, N_TIME, STORED
 from ares_optimizer.direct.kernels.heating import between_nodes, heating_peaks
+from ares_optimizer.direct.kernels.scratch import N_COLUMNS, N_TIME, STORED
 from ares_optimizer.direct.search import own_starts
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.solution import OptimizerError, Status

@@ -11,7 +11,7 @@ from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.kernels import sqp
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch, most_breaks
-from ares_optimizer.direct.kernels.flight import BREAKS, STORED
+from ares_optimizer.direct.kernels.scratch import BREAKS, STORED
 from ares_optimizer.direct.search import MOST_CUTS, own_starts, run, splits_for
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.indirect.solver import TwoPointSolver

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionArrays, Record
 from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct.kernels.breaks import drop_column
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.direct.kernels.flight import N_POSITION, STORED, drop_column
 from ares_optimizer.direct.kernels.problem import (
     D_LOG_LIMIT,
     HEATING_FROM_JETTISON,
     MINIMISE_HEATING,
 )
+from ares_optimizer.direct.kernels.scratch import N_POSITION, STORED
 from ares_optimizer.direct.kernels.sqp import TOO_MANY_ITERATIONS
 from ares_optimizer.direct.search import LIFTED, SearchResult, relaxed, run, solve_base, tighten
 from ares_optimizer.direct.transcription import Transcription, transcribe

@@ -23,6 +23,7 @@ from ares_optimizer.direct.kernels.evaluate import (
     make_scratch,
 )
 from ares_optimizer.direct.kernels.flight import gravity_gradient
+from ares_optimizer.direct.kernels.lagrangian import Multipliers, Workspace, lagrangian_gradient
 from ares_optimizer.direct.kernels.problem import (
     D_LOG_LIMIT,
     HEATING_FROM_JETTISON,
@@ -30,13 +31,7 @@ from ares_optimizer.direct.kernels.problem import (
     TIME_SCALE,
     Problem,
 )
-from ares_optimizer.direct.kernels.sqp import (
-    Frame,
-    Multipliers,
-    Workspace,
-    lagrangian_gradient,
-    reduced_hessian,
-)
+from ares_optimizer.direct.kernels.quadratic import Frame, reduced_hessian
 from ares_optimizer.direct.search import SearchResult, path_peaks
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.proof.flight import Direction, Piece, ProofFlight, Steering

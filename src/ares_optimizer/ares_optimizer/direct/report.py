@@ -7,12 +7,6 @@ from itertools import pairwise
 import numpy as np
 
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.direct.kernels.flight import (
-    N_MASS,
-    N_POSITION,
-    N_TIME,
-    STORED,
-)
 from ares_optimizer.direct.kernels.problem import (
     D_MASS,
     P_FLOW,
@@ -23,6 +17,7 @@ from ares_optimizer.direct.kernels.problem import (
     P_TIME,
     Problem,
 )
+from ares_optimizer.direct.kernels.scratch import N_MASS, N_POSITION, N_TIME, STORED
 from ares_optimizer.direct.search import Array, SearchResult, SteeringLaw, steering_laws
 from ares_optimizer.results import steering_arc
 from ares_optimizer.solution import SteeringArc

@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays, Record
 from ares_optimizer.deadline import Deadline, Progress
+from ares_optimizer.direct.kernels.breaks import drop_column
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.direct.kernels.flight import (
-    LATER_PEAKS,
-    drop_column,
-)
 from ares_optimizer.direct.kernels.problem import (
     AT_DROP,
     D_LOG_LIMIT,
@@ -35,6 +32,7 @@ from ares_optimizer.direct.kernels.problem import (
     TIME_SCALE,
     Problem,
 )
+from ares_optimizer.direct.kernels.scratch import LATER_PEAKS
 from ares_optimizer.direct.kernels.sqp import CONVERGED, NO_PROGRESS, NOT_FEASIBLE, search
 from ares_optimizer.direct.kernels.start import place_drops, set_law, sweep
 from ares_optimizer.direct.transcription import Transcription, transcribe

@@ -9,18 +9,8 @@ import numpy as np
 from ares_models.jit import allocating, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import load
-from ares_optimizer.direct.kernels.flight import (
-    COLUMNS,
-    LATER_PEAKS,
-    MOST_STEPS,
-    N_COLUMNS,
-    STORED,
-    WORK_ROWS,
-    Scratch,
-    drop_column,
-    fly,
-    lay_out,
-)
+from ares_optimizer.direct.kernels.breaks import MOST_STEPS, drop_column, lay_out
+from ares_optimizer.direct.kernels.flight import fly
 from ares_optimizer.direct.kernels.heating import heating_peaks
 from ares_optimizer.direct.kernels.problem import (
     D_EARLIEST,
@@ -31,6 +21,14 @@ from ares_optimizer.direct.kernels.problem import (
     PEAKS,
     TIME_SCALE,
     Problem,
+)
+from ares_optimizer.direct.kernels.scratch import (
+    COLUMNS,
+    LATER_PEAKS,
+    N_COLUMNS,
+    STORED,
+    WORK_ROWS,
+    Scratch,
 )
 from ares_optimizer.kernels.algebra import Array
 from ares_optimizer.kernels.nystroem import STAGES

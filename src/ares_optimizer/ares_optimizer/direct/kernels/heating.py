@@ -5,7 +5,7 @@ from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating
 from ares_models.kernels.vectors import Vector, add, axpy, load, scale, sub
-from ares_optimizer.direct.kernels.flight import N_ACCELERATION, N_POSITION, N_TIME, N_VELOCITY
+from ares_optimizer.direct.kernels.scratch import N_ACCELERATION, N_POSITION, N_TIME, N_VELOCITY
 from ares_optimizer.kernels.algebra import Array
 
 _BISECTIONS = 40

@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Minimise by sequential quadratic programming on exact gradients, compiled throughout.
 
-Each step has two parts. The normal step meets the linearised equations. The tangential step, in
-the null space of their Jacobian, minimises a quadratic model. The Hessian of the model is that
-of the Lagrangian, by differences of exact gradients along a basis of the null space.
-Multipliers are least-squares estimates at the point; inequalities enter through the dual of the
-reduced quadratic program. A trust region with the l1 merit function and second-order
-corrections globalises the search. Source: Nocedal and Wright, *Numerical Optimization*,
-chapters 15 to 18.
+Each step is that of a quadratic model (``quadratic``), with multipliers estimated at the point
+(``lagrangian``). A trust region with the l1 merit function and second-order corrections
+globalises the search. Source: Nocedal and Wright, *Numerical Optimization*, chapters 15 to 18.
 """
 
 import math
@@ -16,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ares_models.jit import allocating, kernel
+from ares_optimizer.direct.kernels.breaks import drop_column
 from ares_optimizer.direct.kernels.evaluate import (
     Point,
     evaluate,
@@ -23,16 +20,18 @@ from ares_optimizer.direct.kernels.evaluate import (
     make_point,
     make_scratch,
 )
-from ares_optimizer.direct.kernels.flight import Scratch, drop_column
-from ares_optimizer.direct.kernels.problem import D_EARLIEST, TIME_SCALE, Problem
-from ares_optimizer.kernels.algebra import (
-    Array,
-    dual_multipliers,
-    full_qr,
-    least_step,
-    row_multipliers,
-    solve_lower_transposed,
+from ares_optimizer.direct.kernels.lagrangian import (
+    Multipliers,
+    Workspace,
+    active_rows,
+    estimate_multipliers,
+    sum_of_squares,
+    sum_violation,
+    violation,
 )
+from ares_optimizer.direct.kernels.problem import D_EARLIEST, TIME_SCALE, Problem
+from ares_optimizer.direct.kernels.quadratic import Step, build_model, length_of, model_step
+from ares_optimizer.kernels.algebra import Array, least_step
 
 # exit status of a search
 CONVERGED = 0
@@ -41,57 +40,16 @@ NO_PROGRESS = 2
 NOT_FEASIBLE = 3
 NOT_FINITE = 4
 STOPPED = 5
-
-_DIFFERENCE = 1e-6
 _FEASIBLE = 1e-8
 _DECREASE = 1e-9  # predicted decrease of the objective: 3e-5 kg on the default mission
 _PATIENCE = 12
 _FLAT_DECREASE = 1e-7  # this and the next replace the two above after _PATIENCE iterations
 _FLAT_FEASIBLE = 1e-7
-_NEAR = 0.05
 _FIRST_RADIUS = 1.0
 _LARGEST_RADIUS = 10.0
 _SMALLEST_RADIUS = 1e-7
 _RESTORE_STEP = 0.6
 _CORRECTIONS = 3
-_SHIFTS = 24
-
-
-@kernel
-def violation(point: Point) -> float:
-    """Return the largest constraint violation; inf where a constraint is not finite."""
-    worst = 0.0
-    for c in point.equations:
-        worst = max(worst, abs(c))
-        if not math.isfinite(c):
-            return math.inf
-    for c in point.inequalities:
-        worst = max(worst, c)
-        if not math.isfinite(c):
-            return math.inf
-    return worst
-
-
-@kernel
-def sum_violation(point: Point) -> float:
-    """Return the sum of the constraint violations (l1 norm); inf when not finite."""
-    s = 0.0
-    for c in point.equations:
-        s += abs(c)
-    for c in point.inequalities:
-        s += max(c, 0.0)
-    return s if math.isfinite(s) else math.inf
-
-
-@kernel
-def sum_of_squares(point: Point) -> float:
-    """Return the sum of the squared constraint violations; inf when not finite."""
-    s = 0.0
-    for c in point.equations:
-        s += c * c
-    for c in point.inequalities:
-        s += max(c, 0.0) ** 2
-    return s if math.isfinite(s) else math.inf
 
 
 @kernel
@@ -107,64 +65,6 @@ def into_bounds(p: Array, problem: Problem) -> None:
         floor = max(floor, (problem.drops[d, D_EARLIEST] - problem.start_time) / TIME_SCALE)
         p[column] = max(min(p[column], p[n - 1] - 0.01), floor)
         floor = p[column]
-
-
-@allocating
-def active_rows(point: Point, mu: Array, level: float) -> tuple[Array, Array, np.ndarray]:
-    """Return gradients and values of the equations and of the active inequalities.
-
-    Args:
-        point: the point.
-        mu: shape (i,): an inequality with a positive multiplier is active.
-        level: an inequality above this value is active too.
-
-    Returns:
-        rows (k, n), values (k,), and the inequality of each row (-1: an equation).
-    """
-    e, n = point.equation_rows.shape
-    used = e
-    for a in range(mu.size):
-        if mu[a] > 0.0 or point.inequalities[a] > level:
-            used += 1
-    rows = np.empty((used, n))
-    values = np.empty(used)
-    index = np.full(used, -1, np.int64)
-    rows[:e] = point.equation_rows
-    values[:e] = point.equations
-    k = e
-    for a in range(mu.size):
-        if mu[a] > 0.0 or point.inequalities[a] > level:
-            rows[k] = point.inequality_rows[a]
-            values[k] = point.inequalities[a]
-            index[k] = a
-            k += 1
-    return rows, values, index
-
-
-class Workspace(NamedTuple):
-    """Hold the workspace of a search.
-
-    Attributes:
-        scratch: from ``make_scratch``.
-        point: from ``make_point``: the values at the variables.
-        other: the values at a trial point.
-    """
-
-    scratch: Scratch
-    point: Point
-    other: Point
-
-
-class Multipliers(NamedTuple):
-    """Hold Lagrange multipliers.
-
-    Attributes:
-        nu: shape (e,), of the equations.
-        mu: shape (i,), of the inequalities, not negative.
-    """
-
-    nu: Array
-    mu: Array
 
 
 @allocating
@@ -223,277 +123,6 @@ def restore(p: Array, problem: Problem, workspace: Workspace, goal: float, itera
     return iterations
 
 
-@allocating
-def estimate_multipliers(point: Point, multipliers: Multipliers) -> None:
-    """Estimate the multipliers by least squares at a point.
-
-    Args:
-        point: the point.
-        multipliers: updated. The active set begins with the inequalities that have a positive
-            multiplier or are near their limit; negative multipliers leave it one by one.
-    """
-    nu, mu = multipliers
-    e = nu.size
-    for a in range(mu.size):
-        mu[a] = 1.0 if mu[a] > 0.0 or point.inequalities[a] > -_NEAR else 0.0
-    for _ in range(mu.size + 1):
-        rows, values, index = active_rows(point, mu, math.inf)
-        x = np.empty(values.size)
-        right = np.empty(values.size)
-        for a in range(values.size):
-            s = 0.0
-            for j in range(point.gradient.size):
-                s -= rows[a, j] * point.gradient[j]
-            right[a] = s
-        row_multipliers(rows, right, 1e-13, x)
-        nu[:] = x[:e]
-        least = 0.0
-        out = -1
-        for a in range(e, values.size):
-            mu[index[a]] = max(1e-300, x[a])
-            if x[a] < least:
-                least = x[a]
-                out = index[a]
-        if out < 0:
-            break
-        mu[out] = 0.0
-    for a in range(mu.size):
-        mu[a] = mu[a] if mu[a] > 1e-200 else 0.0
-
-
-@allocating
-def lagrangian_gradient(point: Point, multipliers: Multipliers, out: Array) -> None:
-    """Compute the gradient of objective + nu . equations + mu . inequalities."""
-    nu, mu = multipliers
-    out[:] = point.gradient
-    for a in range(nu.size):
-        for j in range(out.size):
-            out[j] += nu[a] * point.equation_rows[a, j]
-    for a in range(mu.size):
-        if mu[a] != 0.0:
-            for j in range(out.size):
-                out[j] += mu[a] * point.inequality_rows[a, j]
-
-
-class Frame(NamedTuple):
-    """Hold the decomposition of a step from a point.
-
-    Attributes:
-        basis: shape (n, z), orthonormal columns: the null space of the equations.
-        normal: shape (n,), the normal step, which meets the linearised equations.
-        base: shape (n,), gradient of the Lagrangian.
-    """
-
-    basis: Array
-    normal: Array
-    base: Array
-
-
-@allocating
-def reduced_hessian(
-    p: Array, problem: Problem, workspace: Workspace, multipliers: Multipliers, frame: Frame
-) -> tuple[Array, Array]:
-    """Compute the Hessian of the Lagrangian in the null space by differences.
-
-    Args:
-        p: shape (n,).
-        problem: the flight.
-        workspace: its ``other`` is written.
-        multipliers: those of the Lagrangian.
-        frame: at ``p``.
-
-    Returns:
-        Z^T H Z, shape (z, z), and Z^T H normal, shape (z,).
-    """
-    basis, normal, base = frame
-    hessian = np.empty((basis.shape[1], basis.shape[1]))
-    cross = np.empty(basis.shape[1])
-    n, z = basis.shape
-    trial = np.empty(n)
-    moved = np.empty(n)
-    for a in range(z + 1):
-        if problem.stop[0] != 0:
-            hessian[:] = 0.0
-            break
-        h = _DIFFERENCE
-        if a == z:
-            size = 0.0
-            for j in range(n):
-                size = max(size, abs(normal[j]))
-            cross[:] = 0.0
-            if size < 1e-9:
-                break
-            h = _DIFFERENCE / size
-        for j in range(n):
-            trial[j] = p[j] + h * (basis[j, a] if a < z else normal[j])
-        evaluate_with_gradients(trial, problem, workspace.scratch, workspace.other)
-        lagrangian_gradient(workspace.other, multipliers, moved)
-        for b in range(z):
-            s = 0.0
-            for j in range(n):
-                s += basis[j, b] * (moved[j] - base[j])
-            if a < z:
-                hessian[b, a] = s / h
-            else:
-                cross[b] = s / h
-    for a in range(z):
-        for b in range(a):
-            s = 0.5 * (hessian[a, b] + hessian[b, a])
-            hessian[a, b] = s
-            hessian[b, a] = s
-    return hessian, cross
-
-
-class Model(NamedTuple):
-    """Hold the quadratic model at a point.
-
-    Attributes:
-        frame: null space and normal step.
-        hessian: shape (z, z), of the Lagrangian: Z^T H Z.
-        cross: shape (z,), Z^T H normal.
-        values, vectors: eigenvalues (in modulus) and eigenvectors of the Hessian.
-        curvature: least eigenvalue of the Hessian; nan where it is not finite.
-    """
-
-    frame: Frame
-    hessian: Array
-    cross: Array
-    values: Array
-    vectors: Array
-    curvature: float
-
-
-class ReducedModel(NamedTuple):
-    """Hold the quadratic model in the null space of the equations, beside a normal step.
-
-    Attributes:
-        slope: shape (z,), gradient at the normal step.
-        values, vectors: eigenvalues (in modulus) and eigenvectors of its Hessian.
-        rows: shape (i, z), gradients of the inequalities.
-        slack: shape (i,), slack of the inequalities after the normal step.
-    """
-
-    slope: Array
-    values: Array
-    vectors: Array
-    rows: Array
-    slack: Array
-
-
-@allocating
-def reduce_model(point: Point, model: Model, normal: Array, slope: Array) -> ReducedModel:
-    """Reduce the quadratic model to the null space, beside a normal step."""
-    n, z = model.frame.basis.shape
-    i = point.inequalities.size
-    rows = np.empty((i, z))
-    slack = np.empty(i)
-    for a in range(i):
-        for b in range(z):
-            s = 0.0
-            for j in range(n):
-                s += point.inequality_rows[a, j] * model.frame.basis[j, b]
-            rows[a, b] = s
-        s = -point.inequalities[a]
-        for j in range(n):
-            s -= point.inequality_rows[a, j] * normal[j]
-        slack[a] = s
-    return ReducedModel(slope, model.values, model.vectors, rows, slack)
-
-
-@allocating
-def shifted_step(
-    reduced: ReducedModel, floor: float, shift: float, mu: Array, free: Array
-) -> float:
-    """Minimise the reduced model with ``shift`` added to its eigenvalues.
-
-    Args:
-        reduced: the reduced model; its inequalities are met.
-        floor: smaller eigenvalues are raised to this.
-        shift: added to each.
-        mu: shape (i,), written: multipliers of the inequalities.
-        free: shape (z,), written: the step.
-
-    Returns:
-        length of the step.
-    """
-    slope, values, vectors, rows, initial = reduced
-    i, z = rows.shape
-    inverse = np.empty((z, z))
-    along = np.empty((i, z))
-    slack = np.empty(i)
-    dual = np.empty((i, i))
-    for a in range(z):
-        for b in range(z):
-            s = 0.0
-            for c in range(z):
-                s += vectors[a, c] * vectors[b, c] / (max(values[c], floor) + shift)
-            inverse[a, b] = s
-    for a in range(z):
-        s = 0.0
-        for b in range(z):
-            s -= inverse[a, b] * slope[b]
-        free[a] = s
-    for a in range(i):
-        slack[a] = initial[a]
-        for b in range(z):
-            slack[a] -= rows[a, b] * free[b]
-            s = 0.0
-            for c in range(z):
-                s += inverse[b, c] * rows[a, c]
-            along[a, b] = s
-    for a in range(i):
-        for b in range(i):
-            s = 0.0
-            for c in range(z):
-                s += rows[a, c] * along[b, c]
-            dual[a, b] = s
-    dual_multipliers(dual, slack, mu)
-    size = 0.0
-    for b in range(z):
-        for a in range(i):
-            if mu[a] != 0.0:
-                free[b] -= along[a, b] * mu[a]
-        size += free[b] * free[b]
-    return math.sqrt(size)
-
-
-@kernel
-def tangent_step(reduced: ReducedModel, radius: float, mu: Array, free: Array) -> None:
-    """Minimise the reduced model subject to the inequalities and the trust region.
-
-    Args:
-        reduced: the reduced model.
-        radius: of the trust region.
-        mu: shape (i,), written: multipliers of the inequalities.
-        free: shape (z,), written: the step in the null space.
-    """
-    top = 0.0
-    for value in reduced.values:
-        top = max(top, value)
-    floor = max(1e-12, 1e-9 * top)
-    size = 0.0
-    # shift of the eigenvalues that keeps the step, inequalities met, in the trust region
-    shift = 0.0
-    low = 0.0
-    high = math.inf
-    for _ in range(_SHIFTS):
-        size = shifted_step(reduced, floor, shift, mu, free)
-        if size > 1.2 * radius:
-            low = shift
-        elif shift == 0.0 or size > 0.6 * radius:
-            return
-        else:
-            high = shift
-        if high < math.inf:
-            shift = math.sqrt(low * high) if low > 0.0 else 0.1 * high
-        else:
-            shift = max(10.0 * shift, 10.0 * floor, 1e-6 * top)
-    if size <= 1.2 * radius:
-        return
-    for b in range(free.size):
-        free[b] *= 1.2 * radius / size
-
-
 @kernel
 def linear_value(point: Point, a: int, step: Array) -> float:
     """Return the linearised value of inequality ``a`` after a step."""
@@ -515,98 +144,6 @@ def linear_violation(point: Point, step: Array) -> float:
     for a in range(point.inequalities.size):
         s += max(linear_value(point, a, step), 0.0)
     return s
-
-
-@allocating
-def build_model(
-    p: Array, problem: Problem, workspace: Workspace, multipliers: Multipliers
-) -> Model:
-    """Build the quadratic model at ``workspace.point``, which holds the values at ``p``."""
-    point = workspace.point
-    e, n = point.equation_rows.shape
-    q = np.empty((n, n))
-    r = np.empty((e, e))
-    y = np.empty(e)
-    right = np.empty(e)
-    full_qr(point.equation_rows, q, r)
-    for a in range(e):
-        right[a] = -point.equations[a]
-    solve_lower_transposed(r, right, y)
-    normal = np.empty(n)
-    for j in range(n):
-        s = 0.0
-        for a in range(e):
-            s += q[j, a] * y[a]
-        normal[j] = s
-    base = np.empty(n)
-    lagrangian_gradient(point, multipliers, base)
-    basis = np.ascontiguousarray(q[:, e:])
-    frame = Frame(basis, normal, base)
-    hessian, cross = reduced_hessian(p, problem, workspace, multipliers, frame)
-    values = np.empty(n - e)
-    if not math.isfinite(np.sum(hessian)):
-        return Model(frame, hessian, cross, values, hessian.copy(), math.nan)
-    eigenvalues, eigenvectors = np.linalg.eigh(hessian)
-    for a in range(n - e):
-        values[a] = abs(eigenvalues[a])
-    vectors = np.ascontiguousarray(eigenvectors)
-    return Model(frame, hessian, cross, values, vectors, eigenvalues[0])
-
-
-@kernel
-def length_of(x: Array) -> float:
-    """Return the Euclidean norm of a vector."""
-    s = 0.0
-    for value in x:
-        s += value * value
-    return math.sqrt(s)
-
-
-class Step(NamedTuple):
-    """Hold a step and the change of the objective that the model predicts for it.
-
-    Attributes:
-        step: shape (n,).
-        first_order: linear part of the change.
-        second_order: quadratic part, from the Hessian of the Lagrangian.
-    """
-
-    step: Array
-    first_order: float
-    second_order: float
-
-
-@allocating
-def model_step(point: Point, model: Model, radius: float, mu: Array) -> Step:
-    """Return the step that minimises the model in the trust region; set its multipliers ``mu``."""
-    n, z = model.frame.basis.shape
-    size = length_of(model.frame.normal)
-    shrink = min(1.0, 0.8 * radius / size) if size > 0.0 else 1.0
-    normal = np.empty(n)
-    slope = np.empty(z)
-    free = np.empty(z)
-    step = np.empty(n)
-    for j in range(n):
-        normal[j] = shrink * model.frame.normal[j]
-    for a in range(z):
-        s = shrink * model.cross[a]
-        for j in range(n):
-            s += model.frame.basis[j, a] * point.gradient[j]
-        slope[a] = s
-    tangent_step(reduce_model(point, model, normal, slope), radius, mu, free)
-    first_order = 0.0
-    for j in range(n):
-        s = normal[j]
-        for a in range(z):
-            s += model.frame.basis[j, a] * free[a]
-        step[j] = s
-        first_order += point.gradient[j] * s
-    second_order = 0.0
-    for a in range(z):
-        second_order += shrink * model.cross[a] * free[a]
-        for b in range(z):
-            second_order += 0.5 * free[a] * model.hessian[a, b] * free[b]
-    return Step(step, first_order, second_order)
 
 
 class Merit(NamedTuple):

@@ -19,8 +19,8 @@ from ares_models.kernels.targets import (
     project_to_plane,
 )
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, store, unit
+from ares_optimizer.direct.kernels.breaks import drop_column
 from ares_optimizer.direct.kernels.evaluate import Point, evaluate
-from ares_optimizer.direct.kernels.flight import N_TIME, STORED, Scratch, drop_column
 from ares_optimizer.direct.kernels.heating import heating_at_node
 from ares_optimizer.direct.kernels.problem import (
     AT_DROP,
@@ -40,6 +40,7 @@ from ares_optimizer.direct.kernels.problem import (
     TIME_SCALE,
     Problem,
 )
+from ares_optimizer.direct.kernels.scratch import N_TIME, STORED, Scratch
 from ares_optimizer.direct.kernels.sqp import into_bounds
 from ares_optimizer.kernels.algebra import Array
 

@@ -189,7 +189,7 @@ def _stage_tangents(at: _Stage, work: Record) -> None:
 
 @kernel
 def _field(r: Vector, gravity: Gravity) -> tuple[float, float, float, Vector]:
-    """Return k = -g/r, 1/s2; 3 k and 3 k / r; unit vector up. Under linear gravity the rest is 0."""
+    """Return k = -g/r, 1/s2; 3 k and 3 k / r; unit vector up: 0 but for k under linear gravity."""
     if gravity.model == LINEAR:
         return gravity.omega_square, 0.0, 0.0, (0.0, 0.0, 0.0)
     x, y, z = r
