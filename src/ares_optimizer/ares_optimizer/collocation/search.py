@@ -75,8 +75,6 @@ _SAGS = 1e3
 #: Initial barrier parameter near a solution, and in a corner of its limits.
 _NEAR = 1e-4
 CORNER = 1e-6
-#: The same from a guess whose ascent is solved.
-_BESIDE = 1e-3
 #: Steps from a first guess with a free coast: most change of a coast, rad of a low circular orbit,
 #: and of a burn, as a share and s. Beyond that the linear model of the solver is far off.
 _STEP_COAST = 0.2
@@ -266,7 +264,8 @@ class Search:
         Pressure limits that the guess does not keep are narrowed in steps; the first search that
         fails so continues with smaller ones.
         """
-        x, mu = guess_of(program, trial), _BESIDE if trial.limited else None
+        x: Array = guess_of(program, trial)
+        mu: float | None = None
         kept = trial.limited or trial.turned or not program.limit_rows
         steps, met = [1.0] if kept else list(_LIMIT_STEPS), math.inf
         more = 0 if kept or self.narrowed else _MOST_NARROWED
@@ -322,7 +321,7 @@ class Search:
             if point.solved and (np.abs(point.x[lengths] - at) < _HELD * most).all():
                 return point
             if point.solved:
-                begin, mu = point, None
+                begin, mu, failures = point, None, 0
                 scale *= _GROWN if point.iterations < _FEW else 1.0
                 continue
             failures += 1
