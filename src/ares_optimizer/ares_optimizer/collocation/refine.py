@@ -41,7 +41,7 @@ from ares_optimizer.solution import Check, ConstraintCheck
 #: Factors on the number of intervals of the refined programs, and of those in which a pressure
 #: limit acts: there the turn of coarse directions is overestimated.
 _FINER = (1.5, 3.0, 5.0, 9.0)
-_FINER_LIMITED = (1.5, 3.0, 6.0)
+_FINER_LIMITED = (0.7, 1.5, 3.0, 6.0)
 #: Largest relative spread of the Hamiltonian along a phase, and along one with an active pressure
 #: limit: where that begins and ceases to act the multipliers jump within an interval.
 SPREAD = 1e-4
