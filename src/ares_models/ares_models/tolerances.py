@@ -23,6 +23,9 @@ PRESSURE_SHARE = 1e-3
 ROUNDING_M = 1e-3
 #: Tolerated depth below the floor of an arc.
 FLOOR_M = 10.0
+#: Factor on the tolerances of the target and of floors in a planned flight through the air: what it
+#: is off at the end of the air grows along a coast.
+WIDER_IN_AIR = 3.0
 
 #: Safe perigee altitude above the equatorial radius if the mission gives none: an orbit there lasts
 #: a day; and the tolerance of a flown perigee.

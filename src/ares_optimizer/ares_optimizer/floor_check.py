@@ -11,7 +11,8 @@ from ares_models.floors import floors_of, orbits_of
 from ares_models.judge import judge
 from ares_models.kernels.environment import altitude
 from ares_models.orbits import Elements
-from ares_models.tolerances import FLOOR_M
+from ares_models.plans import flies_in_air
+from ares_models.tolerances import FLOOR_M, WIDER_IN_AIR
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.solution import Solution, Trajectory
@@ -32,6 +33,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         return ""
     planned = with_lengths(arrays, start[0], np.array(solution.lengths_s))
     arcs = {arc.arc: arc for arc in flown_arcs(planned, start[0], solution.t_meco_s)}
+    tolerance = FLOOR_M * (WIDER_IN_AIR if flies_in_air(arrays.arcs) else 1.0)
     for floor in floors:
         if floor.arc not in arcs:
             continue
@@ -39,7 +41,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         low = _lowest_between(arrays, track, (begin, end), floor.altitude_m)
         # in the ascent a vehicle may coast below the default floor
         counts = floor.said or _rises_to(arrays, track, begin, floor.altitude_m)
-        if low < floor.altitude_m - FLOOR_M and counts:
+        if low < floor.altitude_m - tolerance and counts:
             return (
                 f"lowest altitude in arc {floor.arc} {low:,.0f} m; at least "
                 f"{floor.altitude_m:,.0f} m"
@@ -47,7 +49,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         at = int(np.searchsorted(track.time_s, begin - _SAME_TIME))
         mu = float(arrays.environment[0]["mu"])
         orbit = Elements.from_state(track.position[at], track.velocity[at], mu)
-        if orbit.perigee_radius < floor.perigee_m - FLOOR_M:
+        if orbit.perigee_radius < floor.perigee_m - tolerance:
             return (
                 f"perigee radius in arc {floor.arc} {orbit.perigee_radius:,.0f} m; at least "
                 f"{floor.perigee_m:,.0f} m"

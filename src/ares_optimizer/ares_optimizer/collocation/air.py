@@ -14,11 +14,10 @@ from ares_models.kernels.aerodynamics import (
     body_force,
     body_force_with_gradient,
     local_vertical,
-    pressure_loss,
     pressure_loss_terms,
 )
 from ares_models.kernels.environment import altitude_gradient, vertical_stretch
-from ares_models.kernels.vectors import Vector, axpy, norm, scale
+from ares_models.kernels.vectors import Vector, add, axpy, norm, scale
 from ares_optimizer.collocation.arrays import COASTING, VERTICAL
 from ares_optimizer.collocation.thrust import acceleration_terms, mass_after
 from ares_optimizer.two_point.arrays import Gravity
@@ -26,6 +25,8 @@ from ares_optimizer.two_point.kernels.gravity import gravity_terms
 
 Array = NDArray[np.float64]
 
+#: Share of the full thrust below which what pressure leaves of it fades.
+_FADING = 1e-3
 #: Most local variables of a point.
 LOCALS = 11
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -56,6 +57,24 @@ def _direction(
 
 
 @kernel
+def net_thrust(thrust: float, lost: float, full: float) -> tuple[float, float]:
+    """Return the thrust less ambient pressure, N, and its slope by that difference.
+
+    It fades where a motor burns out, instead of pointing backwards.
+
+    Args:
+        thrust: in vacuum, N.
+        lost: to the pressure, N.
+        full: greatest thrust of the burn, N.
+    """
+    net, least = thrust - lost, _FADING * full
+    if net >= least or lost == 0.0:
+        return net, 1.0
+    part = least / (2.0 * least - net)
+    return least * part, part * part
+
+
+@kernel
 def air_motion(
     point: Record, phase: Record, mission: MissionRecords, units: Vector, x: Array
 ) -> Vector:
@@ -79,8 +98,9 @@ def air_motion(
     if phase.steering == COASTING:
         return motion
     a = acceleration_terms(phase, point.fraction, length, mass)[0]
-    a -= per * pressure_loss(arc, r, mission.environment, mission.atmosphere)
-    return axpy(a, u, motion)
+    lost, _ = pressure_loss_terms(arc, r, mission.environment, mission.atmosphere)
+    net, _ = net_thrust(a / per, lost, arc.thrust)
+    return axpy(per * net, u, motion)
 
 
 @kernel
@@ -115,7 +135,7 @@ def local_gradient(
             gradient[c, i] = by_r[i]
             gradient[c, 3 + i] = 0.0
             gradient[c, 8 + i] = 0.0
-    # what falls as the mass is left over: forces of air and pressure
+    # forces of air and thrust over the mass that is left
     falling = (0.0, 0.0, 0.0)
     u = _direction(point, phase, mission, x, place)
     if arc.drag_area > 0.0:
@@ -128,26 +148,25 @@ def local_gradient(
                 gradient[c, i] += per * units[0] * by_place[i][c]
                 gradient[c, 3 + i] += per * units[1] * by_velocity[i][c]
                 gradient[c, 8 + i] = per * force.turned[i][c]
-    a, by_l, by_m = 0.0, 0.0, 0.0
+    by_l, by_m = 0.0, 0.0
     if phase.steering != COASTING:
         a, by_l, by_m, _, _, _ = acceleration_terms(phase, point.fraction, length, mass)
-        net = a
-        if arc.exit_area > 0.0:
-            lost, slope = pressure_loss_terms(arc, place, environment, atmosphere)
-            net -= per * lost
-            falling = axpy(-per * lost, u, falling)
-            for c in range(3):
-                for i in range(3):
-                    gradient[c, i] -= per * slope * units[0] * up[i] * u[c]
+        lost, pressure_slope = pressure_loss_terms(arc, place, environment, atmosphere)
+        net, slope = net_thrust(a / per, lost, arc.thrust)
+        # force by length and mass, without what the mass that is left makes of it
+        by_l = slope * (by_l + a * left_l / left)
+        by_m = slope * (by_m + a * left_m / left)
+        falling = axpy(per * net, u, falling)
         for c in range(3):
-            gradient[c, 8 + c] += net
+            for i in range(3):
+                gradient[c, i] -= per * slope * pressure_slope * units[0] * up[i] * u[c]
+            gradient[c, 8 + c] += per * net
         if phase.steering == VERTICAL:
             _add_turn(environment, r, u, gradient)
-    total = axpy(a, u, axpy(1.0, falling, total))
     for c in range(3):
         gradient[c, 6] = by_l * u[c] - falling[c] * left_l / left
         gradient[c, 7] = by_m * u[c] - falling[c] * left_m / left
-    return total
+    return add(falling, total)
 
 
 @kernel

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.kernels.aerodynamics import body_force, has_attitude, local_vertical, pressure_loss
 from ares_models.kernels.environment import gravity
+from ares_optimizer.collocation.air import net_thrust
 from ares_optimizer.collocation.arrays import COASTING, GUIDED, VERTICAL
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
@@ -107,7 +108,8 @@ def _terms(
         a = terms[0] * program.speed / program.time
         thrust = a * left
         if phase["in_air"]:
-            thrust -= pressure_loss(arc, r, *surroundings)
+            lost = pressure_loss(arc, r, *surroundings)
+            thrust, _ = net_thrust(thrust, lost, float(arc["thrust"]))
         force = force + thrust * u
         s = (fraction - float(phase["from_end"])) * length
         flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from ares_models.arrays import (
     BURN,
@@ -539,9 +540,13 @@ def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
     track = trial.track
     _, rows = np.unique(track[:, rollout.TIME], return_index=True)
     track = track[rows]
-    states = np.column_stack(
-        [np.interp(times, track[:, rollout.TIME], track[:, rollout.POSITION + c]) for c in range(6)]
+    path = CubicHermiteSpline(
+        track[:, rollout.TIME],
+        track[:, rollout.POSITION : rollout.VELOCITY],
+        track[:, rollout.VELOCITY : rollout.DIRECTION],
     )
+    times = np.clip(times, track[0, rollout.TIME], track[-1, rollout.TIME])
+    states = np.column_stack((path(times), path(times, 1)))
     states[:, :3] /= program.radius
     states[:, 3:] /= program.speed
     x[: 6 * program.nodes] = states.ravel()

@@ -12,11 +12,18 @@ from scipy.linalg import qr
 from ares_models.arrays import BURN
 from ares_models.kernels.aerodynamics import mach_number
 from ares_models.kernels.environment import altitude
-from ares_optimizer.collocation.arrays import GUIDED
+from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes, Turning
+from ares_optimizer.collocation.transcription import (
+    COAST_TURN,
+    CollocationProgram,
+    FreeTimes,
+    Sweep,
+    Turning,
+    sweep_of,
+)
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
 from ares_optimizer.results import SAME_LENGTH
 
@@ -40,6 +47,8 @@ _JUNCTION_S = 4.0
 #: Multiplier of a pressure limit, relative to the greatest, from which it acts.
 _ACTING = 1e-2
 _GRID = 4001
+#: Angle of the intervals of a coast, relative to that of a new program, from which they are too long.
+_LONG = 2.0
 #: Samples of a coast per state.
 _SAMPLES = 8
 
@@ -152,6 +161,22 @@ def turning_of(found: FoundOptimum) -> Turning | None:
     turns[np.diff(times) < SAME_LENGTH] = 0.0
     turned = Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
     return _with_air(found, turned) if program.phases["in_air"].any() else turned
+
+
+def sweep_of_found(found: FoundOptimum) -> Sweep:
+    """Return the sweep of a solution."""
+    program, x = found.program, found.point.x
+    position = program.radius * x[: 6 * program.nodes].reshape(-1, 6)[:, :3]
+    times = node_times(program, program.time * x[program.lengths])
+    return sweep_of(times, position, float(program.arrays.environment[0]["mu"]))
+
+
+def has_long_coast(found: FoundOptimum) -> bool:
+    """Return true if a coast has become too long for its intervals."""
+    program = found.program
+    angles = np.diff(sweep_of_found(found).angle[program.first])
+    coasts = program.steering == COASTING
+    return bool((angles[coasts] > _LONG * COAST_TURN * program.intervals[coasts]).any())
 
 
 def _with_air(found: FoundOptimum, turning: Turning) -> Turning:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, make_interp_spline
+from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, make_interp_spline
 
 from ares_models.floors import Floor
 from ares_models.tolerances import PRESSURE_SHARE
@@ -18,6 +18,7 @@ from ares_optimizer.collocation.arrays import (
     VERTICAL,
 )
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
+from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -32,7 +33,7 @@ from ares_optimizer.collocation.search import CORNER, Search, refined
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
-from ares_optimizer.proof.checks import constraint_table, pressure_peaks
+from ares_optimizer.proof.checks import constraint_table, pressures_in
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
@@ -50,13 +51,14 @@ PRESSURE_SPREAD = 1e-2
 SAG = 0.5
 #: Most solutions with adjusted floors.
 _MOST_LEVELS = 3
-#: Share of a pressure limit by which a flight may exceed it, and from which intervals are too long,
-#: on the finest and on others: to narrow a limit costs mass.
+#: Share of a pressure limit by which a flight may exceed it, and from which intervals are too long:
+#: to narrow a limit costs mass.
 _OVER = 0.9 * PRESSURE_SHARE
 _FAR_OVER = 2e-2
-_COARSE_OVER = 3e-3
 #: Checks of the pressure limits, by kind of constraint.
 _CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_ALPHA}
+_PRESSURES = set(_CHECKS.values())
+_LIMITS = {DYNAMIC_PRESSURE_RULE: "max_dynamic_pressure", Q_ALPHA_RULE: "max_q_alpha"}
 #: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
@@ -113,8 +115,9 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
             break
         if not steady and finer < factors[-1]:
             continue
-        most = _FAR_OVER if finer == factors[-1] else _COARSE_OVER
-        proven = _within_limits(search, _verified(search, found, adjoint), most)
+        proven = _verified(search, found, adjoint)
+        if finer == factors[-1] or all(c.satisfied or c.key in _PRESSURES for c in proven.checks):
+            proven = _within_limits(search, proven)
         found = _above_floors(search, proven.found, floors, levels)
         if found is not proven.found:
             proven = _verified(search, found, adjoint_of(found.program, found.point))
@@ -155,27 +158,15 @@ def _with_levels(
     return FoundOptimum(program, point, mass_of(program, point))
 
 
-def _within_limits(search: Search, proven: Proven, most_over: float) -> Proven:
-    """Narrow the pressure limits at the states until the flight between them keeps its own.
-
-    Args:
-        search: of the mission.
-        proven: the point on its intervals.
-        most_over: share of a limit by which a flight may exceed it to be mended so.
-    """
-    factors = dict.fromkeys(proven.found.program.limit_rows, 1.0)
+def _within_limits(search: Search, proven: Proven) -> Proven:
+    """Narrow the pressure limits at states between which the flight exceeds them."""
+    factors: dict[tuple[int, int], Array] = {
+        key: np.ones(len(rows)) for key, rows in proven.found.program.limit_rows.items()
+    }
     for _ in range(_MOST_LEVELS):
-        if proven.flight is None or search.request.deadline.passed:
+        if search.request.deadline.passed or not _narrowed(search, proven, factors):
             break
         program = proven.found.program
-        over = False
-        for stage, kind in factors:
-            most, limit = pressure_peaks(search.arrays, proven.flight, _CHECKS[kind])[stage]
-            if limit * (1.0 + _OVER) < most < limit * (1.0 + most_over):
-                over = True
-                factors[stage, kind] *= limit * (1.0 + 0.5 * _OVER) / most
-        if not over:
-            break
         program.scale_limits(factors)
         point = solve_program(program, proven.found.point, search.request.deadline)
         search.iterations += point.iterations
@@ -188,6 +179,35 @@ def _within_limits(search: Search, proven: Proven, most_over: float) -> Proven:
         found = FoundOptimum(program, point, mass_of(program, point))
         proven = _verified(search, found, adjoint_of(program, point))
     return proven
+
+
+def _narrowed(search: Search, proven: Proven, factors: dict[tuple[int, int], Array]) -> bool:
+    """Narrow the factors on the limits at the states around an excess; return true if any is.
+
+    Args:
+        search: of the mission.
+        proven: the point on its intervals.
+        factors: by the keys of ``limit_rows``, for each row.
+    """
+    program, flight = proven.found.program, proven.flight
+    over = False
+    if flight is None:
+        return over
+    nodes = node_times(program, program.time * proven.found.point.x[program.lengths])
+    for (stage, kind), rows in program.limit_rows.items():
+        times, values = pressures_in(search.arrays, flight, _CHECKS[kind], stage)
+        limit = float(program.arrays.arcs[_LIMITS[kind]][program.arrays.arcs["stage"] == stage][0])
+        excess = values / limit
+        if not 1.0 + _OVER < excess.max(initial=0.0) < 1.0 + _FAR_OVER:
+            continue
+        over = True
+        at = nodes[program.rules["node"][np.isin(program.rules["row"], rows)]]
+        ends = np.concatenate(([-math.inf], at, [math.inf]))
+        for i in range(len(rows)):
+            near = excess[(times >= ends[i]) & (times <= ends[i + 2])].max(initial=0.0)
+            if near > 1.0 + _OVER:
+                factors[stage, kind][i] *= (1.0 + 0.5 * _OVER) / near
+    return over
 
 
 def _moved(found: FoundOptimum, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
@@ -295,4 +315,4 @@ def _interpolated(
     """
     if times[-1] - times[0] < SAME_LENGTH or program.steering[p] != GUIDED:
         return lambda _: u[-1]
-    return PchipInterpolator(times[1:], u)
+    return Akima1DInterpolator(times[1:], u, method="makima", extrapolate=True)

@@ -119,7 +119,7 @@ def acceleration(
     if thrust <= 0.0:
         return a
     if arc.exit_area > 0.0:
-        thrust -= pressure_loss(arc, r, environment, mission.atmosphere)
+        thrust = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
     return axpy(thrust * per, u, a)
 
 

@@ -22,8 +22,10 @@ from ares_optimizer.collocation.points import (
     FoundOptimum,
     acting_limits,
     align_directions,
+    has_long_coast,
     lowest_in,
     mass_of,
+    sweep_of_found,
     times_of,
     turning_of,
     worst_row,
@@ -33,7 +35,7 @@ from ares_optimizer.collocation.solver import (
     StoppingPoint,
     solve_program,
 )
-from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes, Sweep, sweep_of
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.results import SAME_LENGTH
@@ -235,7 +237,13 @@ class Search:
         """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
         try:
-            program = CollocationProgram(self.arrays, self.start, trial.times, floors)
+            program = CollocationProgram(
+                self.arrays,
+                self.start,
+                trial.times,
+                floors,
+                sweep=sweep_of_trial(trial, self.arrays),
+            )
         except ValueError:
             self._unproven = True
             return None
@@ -247,7 +255,8 @@ class Search:
                 self._unproven = True
             return None
         known = FoundOptimum(program, point, mass_of(program, point))
-        found = known if not self._dips_below_floor(known) else self._retranscribed(known, floors)
+        rough = self._dips_below_floor(known) or has_long_coast(known)
+        found = self._retranscribed(known, floors) if rough else known
         if found is None:
             self._unproven = True
             return None
@@ -313,7 +322,7 @@ class Search:
         while coasts.any() and self.iterations < most_in_all:
             at = (begin.x if isinstance(begin, StoppingPoint) else begin)[lengths]
             burns = _STEP_BURN * at + _STEP_BURN_S / program.time
-            most = scale * np.where(coasts, _STEP_COAST, burns)
+            most = scale * np.where(coasts, _STEP_COAST / program.pace[free], burns)
             program.lower[lengths] = np.maximum(lower[lengths], at - most)
             program.upper[lengths] = np.minimum(upper[lengths], at + most)
             point = self._solved_program(program, begin, mu)
@@ -363,7 +372,9 @@ class Search:
         """
         for times in moved_events(found):
             try:
-                program = CollocationProgram(self.arrays, self.start, times, floors)
+                program = CollocationProgram(
+                    self.arrays, self.start, times, floors, sweep=sweep_of_found(found)
+                )
             except ValueError:
                 continue
             guess = carried_variables(program, found.program, found.point.x)
@@ -538,6 +549,13 @@ def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> 
     return tuple(kept)
 
 
+def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
+    """Return the sweep of a trial flight."""
+    track, mu = trial.track, float(arrays.environment[0]["mu"])
+    position = track[:, rollout.POSITION : rollout.VELOCITY]
+    return sweep_of(track[:, rollout.TIME], position, mu)
+
+
 def refined(
     search: Search, found: FoundOptimum, floors: tuple[Floor, ...], finer: float
 ) -> FoundOptimum | None:
@@ -546,7 +564,13 @@ def refined(
     try:
         turning = None if search.idle else turning_of(found)
         program = CollocationProgram(
-            search.arrays, search.start, times, floors, finer=finer, turning=turning
+            search.arrays,
+            search.start,
+            times,
+            floors,
+            finer=finer,
+            turning=turning,
+            sweep=sweep_of_found(found),
         )
     except ValueError:
         return None

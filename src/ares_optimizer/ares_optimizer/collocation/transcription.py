@@ -6,11 +6,13 @@ which a fairing drops, and the burns that reach the limit of a throttle, are fix
 """
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from ares_models.arrays import BURN, MissionArrays, Record
 from ares_models.floors import Floor, orbits_of
@@ -48,12 +50,14 @@ Array = NDArray[np.float64]
 INFINITE = 2e19  # bound that the solver ignores
 #: Angle of an interval in a burn and in a coast, rad of a low circular orbit; bounds of the count.
 _BURN_TURN = 0.12
-_COAST_TURN = 0.25
+COAST_TURN = 0.25
 _AIR_TURN = 0.03
 _LEAST_BURN = 2
 _MOST_BURN = 40
 _LEAST_COAST = 2
 _MOST_COAST = 400
+#: Share of the intervals of a coast that are equal: they resolve orbits that become others.
+_COAST_EVEN = 0.05
 #: Turn of the thrust per additional interval, rad; most intervals of a phase; resolution of their
 #: ends.
 _THRUST_TURN = 0.15
@@ -63,6 +67,50 @@ _SHORT = 5.0  # s
 #: Negligible mass, and least mass of a state, relative to that at the start.
 _NO_MASS = 1e-9
 _LEAST_MASS = 1e-6
+
+
+def _pairs_of(count: int) -> NDArray[np.int64]:
+    """Return all pairs of indices below a count, the second not above the first, in order."""
+    return np.column_stack(np.tril_indices(count))
+
+
+def _motion_entries(of_rates: list[list[int]]) -> NDArray[np.int64]:
+    """Return rows and columns of the derivatives of the motion at a point, shape (n, 2).
+
+    Columns are among the local variables: position, velocity, length, mass, direction.
+
+    Args:
+        of_rates: what each component of the acceleration depends on.
+    """
+    entries = []
+    for c, at in enumerate(of_rates):
+        entries += [(c, 3 + c), (c, 6), *((3 + c, column) for column in at)]
+    return np.array(entries)
+
+
+_AIR, _CALM, _COAST, _BURN = "in the air", "in the air, no control", "coast", "burn"
+#: Entries of the Jacobian and of the Hessian at a point, by kind of motion.
+_SLOPES = {
+    _AIR: _motion_entries([list(range(11))] * 3),
+    _CALM: _motion_entries([list(range(8))] * 3),
+    _COAST: _motion_entries([[0, 1, 2, 6]] * 3),
+    _BURN: _motion_entries([[0, 1, 2, 6, 8 + c, 7] for c in range(3)]),
+}
+_OF_COAST = [*_pairs_of(3).tolist(), *([6, k] for c in range(3) for k in (3 + c, c))]
+_OF_BURN = [*([k, 8 + c] for c in range(3) for k in (6, 7)), [6, 6], [7, 6], [7, 7]]
+_CURVES = {
+    _AIR: _pairs_of(11),
+    _CALM: _pairs_of(8),
+    _COAST: np.array(_OF_COAST),
+    _BURN: np.array(_OF_COAST + _OF_BURN),
+}
+
+
+def _kind_of(phase: Record) -> str:
+    """Return the kind of the motion at the points of a phase, by the variables it depends on."""
+    if phase["in_air"]:
+        return _AIR if phase["steering"] in (GUIDED, HELD_ATTITUDE) else _CALM
+    return _COAST if phase["steering"] == COASTING else _BURN
 
 
 class Turning(NamedTuple):
@@ -75,6 +123,31 @@ class Turning(NamedTuple):
 
     time: Array
     turned: Array
+
+
+class Sweep(NamedTuple):
+    """Hold the angle that circular orbits at the radii of a flight sweep.
+
+    Attributes:
+        time: s, shape (n,), not decreasing.
+        angle: swept since the first time, rad, shape (n,).
+    """
+
+    time: Array
+    angle: Array
+
+
+def sweep_of(time: Array, position: Array, mu: float) -> Sweep:
+    """Integrate the rate of a circular orbit at the radius of a flight.
+
+    Args:
+        time: s, shape (n,), not decreasing.
+        position: m, shape (n, 3).
+        mu: gravitational parameter, m3/s2.
+    """
+    rate = np.sqrt(mu / np.maximum(np.linalg.norm(position, axis=1), 1.0) ** 3)
+    angle: Array = cumulative_trapezoid(rate, time, initial=0)
+    return Sweep(time, angle)
 
 
 class FreeTimes(NamedTuple):
@@ -171,6 +244,7 @@ class CollocationProgram:
         degree: int = 5,
         finer: float = 1.0,
         turning: Turning | None = None,
+        sweep: Sweep | None = None,
     ) -> None:
         """Define variables, rows and sparsity patterns.
 
@@ -183,6 +257,8 @@ class CollocationProgram:
             finer: factor on the number of intervals.
             turning: turn of the thrust in a similar flight: intervals are shorter where it is
                 fast. None: intervals are equal in a phase.
+            sweep: of a similar flight: intervals of coasts are longer where its orbit is slow.
+                None: they are those of a low circular orbit.
 
         Raises:
             ValueError: the times are not possible.
@@ -202,7 +278,7 @@ class CollocationProgram:
         self.mass = float(self.segments[0]["mass"])
         self.degree = degree
         self._rows = ConstraintRows()
-        self._lay_out_chain(finer, turning)
+        self._lay_out_chain(finer, turning, sweep)
         self._lay_out_variables()
         self._lay_out_phases()
         self._lay_out_points()
@@ -230,9 +306,16 @@ class CollocationProgram:
 
     # ---- phases, intervals, variables
 
-    def _lay_out_chain(self, finer: float, turning: Turning | None) -> None:
+    def _lay_out_chain(self, finer: float, turning: Turning | None, sweep: Sweep | None) -> None:
         """Place the intervals and number the states."""
-        self.breaks = [self._breaks(piece, finer, turning) for piece in self.segments]
+        #: Angle that each phase sweeps in the similar flight, over that of a low circular orbit.
+        self.pace = np.ones(len(self.segments))
+        self.breaks = [
+            self._breaks(piece, finer, turning)
+            if sweep is None or not self._coasts(piece)
+            else self._breaks_of_coast(p, finer, sweep)
+            for p, piece in enumerate(self.segments)
+        ]
         self.intervals = np.array([len(breaks) - 1 for breaks in self.breaks])
         self.first = np.concatenate(([0], np.cumsum(self.intervals * self.degree)))
         self.nodes = int(self.first[-1]) + 1
@@ -241,11 +324,11 @@ class CollocationProgram:
         """Return the ends of the intervals of a phase, as fractions of the phase."""
         begin, end = float(piece["start"]), float(piece["end"])
         orbit = (end - begin) / self.time
-        burning = piece["thrust"] > 0.0 or piece["thrust_slope"] > 0.0
+        burning = not self._coasts(piece)
         step, least, most = (
             (_BURN_TURN, _LEAST_BURN, _MOST_BURN)
             if burning
-            else (_COAST_TURN, _LEAST_COAST, _MOST_COAST)
+            else (COAST_TURN, _LEAST_COAST, _MOST_COAST)
         )
         if self._in_air(piece) and burning:
             step = _AIR_TURN if turning is None else 2.0 * _AIR_TURN
@@ -262,6 +345,26 @@ class CollocationProgram:
         places = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
         places[0], places[-1] = 0.0, 1.0
         return places
+
+    def _breaks_of_coast(self, p: int, finer: float, sweep: Sweep) -> Array:
+        """Return the ends of the intervals of a coast, as fractions of it."""
+        begin, end = float(self.segments[p]["start"]), float(self.segments[p]["end"])
+        low = (end - begin) / self.time
+        if end - begin < _SHORT:
+            return np.linspace(0.0, 1.0, math.ceil(finer) + 1)
+        even = np.linspace(0.0, 1.0, _PLACES)
+        angle = np.interp(begin + even * (end - begin), *sweep)
+        self.pace[p] = min(1.0, (angle[-1] - angle[0]) / low)
+        whole = angle - angle[0] + _COAST_EVEN * low * even
+        count = min(max(math.ceil(whole[-1] / COAST_TURN), _LEAST_COAST), _MOST_COAST)
+        places = np.interp(np.linspace(0.0, whole[-1], math.ceil(finer * count) + 1), whole, even)
+        places[0], places[-1] = 0.0, 1.0
+        return places
+
+    @staticmethod
+    def _coasts(piece: Record) -> bool:
+        """Return true if a segment has no thrust."""
+        return bool(piece["thrust"] <= 0.0 and piece["thrust_slope"] <= 0.0)
 
     def _in_air(self, piece: Record) -> bool:
         """Return true if forces of the air or a vertical rise are part of a segment."""
@@ -549,8 +652,12 @@ class CollocationProgram:
         self.rules = np.array(rules, RULE)
         self._levels = self.rules["level"].copy()
 
-    def scale_limits(self, factors: dict[tuple[int, int], float]) -> None:
-        """Multiply the pressure limits of stages by factors, by the keys of ``limit_rows``."""
+    def scale_limits(self, factors: Mapping[tuple[int, int], float | Array]) -> None:
+        """Multiply the pressure limits of stages by factors, by the keys of ``limit_rows``.
+
+        Args:
+            factors: one for a stage, or one for each of its rows.
+        """
         for key, factor in factors.items():
             own = np.isin(self.rules["row"], self.limit_rows[key])
             self.rules["level"][own] = factor * self._levels[own]
@@ -570,57 +677,54 @@ class CollocationProgram:
 
     def _make_patterns(self) -> None:
         """Build the patterns of Jacobian and Hessian, in the order of the kernels."""
-        rows: list[int] = []
-        columns: list[int] = []
+        rows: list[NDArray[np.int64]] = []
+        columns: list[NDArray[np.int64]] = []
 
-        def put(row: int, *at: int) -> None:
-            rows.extend([row] * len(at))
-            columns.extend(at)
+        def put(row: NDArray[np.int64], at: NDArray[np.int64]) -> None:
+            rows.append(np.broadcast_to(row, at.shape).ravel())
+            columns.append(at.ravel())
 
-        d = self.degree
-        for i, point in enumerate(self.points):
-            node, number = int(point["node"]), int(point["number"])
-            phase = self.phases[point["phase"]]
-            length, mass, control = int(phase["length"]), int(phase["mass"]), int(point["control"])
-            at = 6 * (node + number)
-            for c in range(6):
-                put(6 * i + c, *(6 * (node + j) + c for j in range(d + 1)))
-            if phase["in_air"]:
-                for c in range(3):
-                    put(6 * i + c, at + 3 + c, length)
-                    put(6 * i + 3 + c, *self._locals(point))
-                continue
-            for c in range(3):
-                put(6 * i + c, at + 3 + c, length)
-                put(6 * i + 3 + c, at, at + 1, at + 2, length)
-                if phase["steering"] != COASTING:
-                    put(6 * i + 3 + c, control + c, mass)
+        for phase, points, numbers in self._points_by_phase():
+            own = self._locals(phase, points)
+            nodes = points["node"][:, None] + np.arange(self.degree + 1)
+            of_states = 6 * nodes[:, None, :] + np.arange(6)[:, None]
+            row, column = _SLOPES[_kind_of(phase)].T
+            defects = np.concatenate((np.repeat(np.arange(6), self.degree + 1), row))
+            at = np.hstack((of_states.reshape(len(points), -1), own[:, column]))
+            put(6 * numbers[:, None] + defects, at)
         first = 6 * len(self.points)
-        for i, control in enumerate(self.controls):
-            put(first + i, int(control), int(control) + 1, int(control) + 2)
-        for p, phase in enumerate(self.phases):
-            length, mass = int(phase["length"]), int(phase["mass"])
-            put(int(phase["link"]), int(self.ends[p]), length, mass)
+        each = self.controls[:, None] + np.arange(3)
+        put(first + np.arange(len(self.controls))[:, None], each)
+        phases = self.phases
+        put(phases["link"][:, None], np.column_stack((self.ends, phases["length"], phases["mass"])))
         for rule in self.rules:
-            for row in range(int(rule["rows"])):
-                put(int(rule["row"]) + row, *self._rule_columns(rule))
+            there = np.array(self._rule_columns(rule))
+            put(rule["row"] + np.arange(rule["rows"])[:, None], np.tile(there, (rule["rows"], 1)))
         self.linear = np.array([entry[2] for entry in self._rows.linear])
         self._linear_rows = np.array([entry[0] for entry in self._rows.linear], np.int64)
         self._linear_columns = np.array([entry[1] for entry in self._rows.linear], np.int64)
-        self.moving = len(rows)
+        self.moving = sum(len(each) for each in rows)
         self.jacobian_pattern = (
-            np.concatenate((rows, self._linear_rows)).astype(np.int64),
-            np.concatenate((columns, self._linear_columns)).astype(np.int64),
+            np.concatenate((*rows, self._linear_rows)).astype(np.int64),
+            np.concatenate((*columns, self._linear_columns)).astype(np.int64),
         )
         self.hessian_pattern = self._hessian_pattern()
 
-    def _locals(self, point: Record) -> list[int]:
-        """Return the columns of the local variables of a point in the air."""
-        phase = self.phases[point["phase"]]
-        at = 6 * (int(point["node"]) + int(point["number"]))
-        columns = [*range(at, at + 6), int(phase["length"]), int(phase["mass"])]
-        control = int(point["control"])
-        return columns if control < 0 else [*columns, *range(control, control + 3)]
+    def _points_by_phase(self) -> Iterator[tuple[Record, NDArray[np.void], NDArray[np.int64]]]:
+        """Yield each phase with its points and their indices."""
+        for p, phase in enumerate(self.phases):
+            numbers = np.flatnonzero(self.points["phase"] == p)
+            yield phase, self.points[numbers], numbers
+
+    @staticmethod
+    def _locals(phase: Record, points: NDArray[np.void]) -> NDArray[np.int64]:
+        """Return the columns of the local variables of points of a phase, shape (n, 8 or 11)."""
+        at = 6 * (points["node"] + points["number"])[:, None]
+        shared = np.tile((phase["length"], phase["mass"]), (len(points), 1))
+        own = np.hstack((at + np.arange(6), shared))
+        if (points["control"] < 0).all():
+            return own
+        return np.hstack((own, points["control"][:, None] + np.arange(3)))
 
     @staticmethod
     def _rule_columns(rule: Record) -> list[int]:
@@ -630,49 +734,22 @@ class CollocationProgram:
         return [*range(at, at + 6), *own]
 
     def _hessian_pattern(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        rows: list[int] = []
-        columns: list[int] = []
+        ones: list[NDArray[np.int64]] = []
+        others: list[NDArray[np.int64]] = []
 
-        def put(one: int, other: int) -> None:
-            rows.append(max(one, other))
-            columns.append(min(one, other))
+        def put(columns: NDArray[np.int64], pairs: NDArray[np.int64]) -> None:
+            ones.append(columns[:, pairs[:, 0]].ravel())
+            others.append(columns[:, pairs[:, 1]].ravel())
 
-        for point in self.points:
-            phase = self.phases[point["phase"]]
-            length, mass, control = int(phase["length"]), int(phase["mass"]), int(point["control"])
-            at = 6 * (int(point["node"]) + int(point["number"]))
-            if phase["in_air"]:
-                columns_here = self._locals(point)
-                for j, column in enumerate(columns_here):
-                    for other in columns_here[: j + 1]:
-                        put(column, other)
-                continue
-            for c in range(3):
-                for j in range(c + 1):
-                    put(at + c, at + j)
-            for c in range(3):
-                put(length, at + 3 + c)
-                put(length, at + c)
-            if phase["steering"] == COASTING:
-                continue
-            for c in range(3):
-                put(length, control + c)
-                put(mass, control + c)
-            put(length, length)
-            put(mass, length)
-            put(mass, mass)
-        for control in self.controls:
-            for c in range(3):
-                put(int(control) + c, int(control) + c)
-        for phase in self.phases:
-            put(int(phase["length"]), int(phase["length"]))
-            put(int(phase["mass"]), int(phase["length"]))
+        for phase, points, _ in self._points_by_phase():
+            put(self._locals(phase, points), _CURVES[_kind_of(phase)])
+        put(self.controls[:, None] + np.arange(3), np.array([[0, 0], [1, 1], [2, 2]]))
+        put(np.column_stack((self.lengths, self.masses)), np.array([[0, 0], [1, 0]]))
         for rule in self.rules:
-            there = self._rule_columns(rule)
-            for j, column in enumerate(there):
-                for other in there[: j + 1]:
-                    put(column, other)
-        return np.array(rows, np.int64), np.array(columns, np.int64)
+            there = np.array([self._rule_columns(rule)])
+            put(there, _pairs_of(there.shape[1]))
+        one, other = np.concatenate(ones), np.concatenate(others)
+        return np.maximum(one, other), np.minimum(one, other)
 
     # ---- callbacks of the solver
 

@@ -22,6 +22,7 @@ from ares_models.tolerances import (
     PRESSURE_SHARE,
     PROPELLANT_KG,
     ROUNDING_M,
+    WIDER_IN_AIR,
 )
 from ares_optimizer.proof.flight import Piece, ProofFlight, flies_in_air
 from ares_optimizer.proof.physics import dynamic_pressure, elements, q_alpha, surface_radius
@@ -36,9 +37,6 @@ _PER_S = 10.0  # samples of the pressures
 #: planned attitude without correction and may be tens of metres lower, where the density is up to
 #: 1 % higher (scale height 6 km at 110 km).
 HEATING_SHARE_IN_AIR = 1e-2
-#: Factor on the tolerances of the target in such a flight: what it is off at the end of the air
-#: grows along a coast.
-TARGET_WIDER_IN_AIR = 3.0
 _ACTIVE = 1e-3  # relative distance to its limit within which an inequality is active
 
 
@@ -124,16 +122,28 @@ def pressure_peaks(
         flight: from :func:`fly`.
         key: DYNAMIC_PRESSURE, Pa, or Q_ALPHA, Pa rad.
     """
-    peaks = {}
-    for stage, limit in _limits_of(arrays, key).items():
-        own = np.flatnonzero(arrays.arcs["stage"] == stage)
-        values = [
-            _peak(arrays, piece, key)
-            for piece in flight.pieces
-            if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
-        ]
-        peaks[stage] = max(values, default=0.0), limit
-    return peaks
+    return {
+        stage: (float(pressures_in(arrays, flight, key, stage)[1].max(initial=0.0)), limit)
+        for stage, limit in _limits_of(arrays, key).items()
+    }
+
+
+def pressures_in(
+    arrays: MissionArrays, flight: ProofFlight, key: Check, stage: int
+) -> tuple[Array, Array]:
+    """Return the pressures along a stage: times, s, and values, Pa or Pa rad.
+
+    Args: as in :func:`pressure_peaks`;
+        stage: by number.
+    """
+    own = np.flatnonzero(arrays.arcs["stage"] == stage)
+    tracks = [
+        _pressure_track(arrays, piece, key)
+        for piece in flight.pieces
+        if flight.plan.arc_at(0.5 * (piece.begin + piece.end)) in own
+    ]
+    times, values = zip(*tracks, strict=True) if tracks else ((), ())
+    return np.concatenate((*times, [])), np.concatenate((*values, []))
 
 
 def _limits_of(arrays: MissionArrays, key: Check) -> dict[int, float]:
@@ -154,21 +164,21 @@ _PRESSURES = (
 _LIMITS = {Check.DYNAMIC_PRESSURE: "max_dynamic_pressure", Check.Q_ALPHA: "max_q_alpha"}
 
 
-def _peak(arrays: MissionArrays, piece: Piece, key: Check) -> float:
-    """Return the greatest dynamic pressure, Pa, or q alpha, Pa rad, of a piece."""
+def _pressure_track(arrays: MissionArrays, piece: Piece, key: Check) -> tuple[Array, Array]:
+    """Return times, s, and dynamic pressures, Pa, or q alpha, Pa rad, along a piece."""
     count = max(2, math.ceil(_PER_S * (piece.end - piece.begin)))
     times = np.linspace(piece.begin, piece.end, count)
     states = piece.state(times).T
     u = np.array([piece.direction(t) for t in times]) if key is Check.Q_ALPHA else np.empty(0)
-    return _most(arrays, key, (states[:, :3], states[:, 3:6], u))
+    return times, _pressures(arrays, key, (states[:, :3], states[:, 3:6], u))
 
 
-def _most(arrays: MissionArrays, key: Check, states: tuple[Array, Array, Array]) -> float:
-    """Return the greatest pressure of some positions, velocities and thrust directions."""
+def _pressures(arrays: MissionArrays, key: Check, states: tuple[Array, Array, Array]) -> Array:
+    """Return the pressures of some positions, velocities and thrust directions, shape (n,)."""
     r, v, u = states
     if key is Check.DYNAMIC_PRESSURE:
-        return float(dynamic_pressure(r, v, arrays).max())
-    return float(q_alpha(r, v, u, arrays).max())
+        return dynamic_pressure(r, v, arrays)
+    return q_alpha(r, v, u, arrays)
 
 
 def programme_checks(
@@ -186,7 +196,7 @@ def programme_checks(
 
     def peaks(key: Check) -> dict[int, tuple[float, float]]:
         return {
-            stage: (_most(arrays, key, (r[own], v[own], u[own])), limit)
+            stage: (float(_pressures(arrays, key, (r[own], v[own], u[own])).max()), limit)
             for stage, limit in _limits_of(arrays, key).items()
             if (own := stages == stage).any()
         }
@@ -200,7 +210,7 @@ def _target_checks(arrays: MissionArrays, flight: ProofFlight) -> list[Constrain
     figures = elements(flight.final[:3], flight.final[3:6], float(arrays.environment[0]["mu"]))
     judged = judged_end(arrays, flight)
     named = target_rows(target)
-    wider = TARGET_WIDER_IN_AIR if flies_in_air(arrays) else 1.0
+    wider = WIDER_IN_AIR if flies_in_air(arrays) else 1.0
     checks = []
     for row in rows_of(judged.names):
         error, allowed = judged.error_of(row.key)

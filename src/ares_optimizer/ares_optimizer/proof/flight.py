@@ -2,8 +2,8 @@
 """Verify a solution by an independent integrator.
 
 SciPy's DOP853 (Hairer, Norsett, Wanner) integrates the flight again from the mission's arrays. The
-sequence of events, gravity, heating and orbit are written a second time here in NumPy, without any
-of the solver's kernels, so a difference is an error of the solver.
+sequence of events, gravity, heating and orbit are written a second time here, without any of the
+solver's kernels, so a difference is an error of the solver.
 """
 
 import math
@@ -21,7 +21,7 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
-from ares_optimizer.proof.physics import air_force, gravity, heating, vertical
+from ares_optimizer.proof.physics import acceleration, heating
 from ares_optimizer.proof.sequence import (
     Plan,
     plan_flight,
@@ -168,7 +168,6 @@ def _integrate(
         the piece, shorter than ``span`` if the flight falls to the centre of attraction, and the
         state at its end, shape (7,).
     """
-    environment = arrays.environment[0]
     engines = running(plan.engines, *span)
     arc = arrays.arcs[plan.arc_at(0.5 * (span[0] + span[1]))]
     in_air = flies_in_air(arrays)
@@ -178,14 +177,8 @@ def _integrate(
 
     def motion(t: float, y: Array) -> Array:
         thrust, flow = engine(t, float(y[6]))
-        acceleration = gravity(y[:3], environment)
-        if in_air:
-            along = vertical(y[:3], environment) if arc["vertical"] else direction(t)
-            force = air_force(y[:3], y[3:6], thrust, along, arc, arrays)
-            acceleration = acceleration + force / y[6]
-        elif thrust > 0.0:
-            acceleration = acceleration + thrust / y[6] * direction(t)
-        return np.concatenate((y[3:6], acceleration, [-flow]))
+        along = direction(t) if thrust > 0.0 or in_air else y[:3]
+        return np.concatenate((y[3:6], acceleration(y, thrust, along, arc, arrays), [-flow]))
 
     result = solve_ivp(
         motion,
