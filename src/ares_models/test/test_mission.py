@@ -43,6 +43,7 @@ def test_shipped_missions():
         "delta_iii_coast",
         "delta_iii_pad",
         "electron_sso",
+        "electron_sso_pad",
         "falcon9_gto",
         "falcon9_gto_pad",
         "falcon9_iss_pad",

@@ -43,6 +43,7 @@ PUBLISHED_KG, PUBLISHED_S = 7529.712287, 924.139203
 LAUNCHERS = {
     "falcon9_leo_pad": 30489.65,
     "ariane5_eca_pad": 16793.28,
+    "electron_sso_pad": 224.1616,
     "falcon9_gto_pad": 14727.72,
     "saturn_v_as506_pad": 138539.3,
 }
