@@ -925,7 +925,8 @@ def test_unknown_name():
         "delta_iii_pad, electron_sso, electron_sso_pad, falcon9_gto, falcon9_gto_pad, "
         "falcon9_iss_pad, falcon9_leo_pad, geostationary_burn, geostationary_transfer, "
         "saturn_v_as506, saturn_v_as506_flown, saturn_v_as506_pad, saturn_v_tli, soyuz_fregat, "
-        "soyuz_sso_pad, space_shuttle_sts121, vulcan_gto, or give a file's path; did you mean ares_v?"
+        "soyuz_sso_pad, space_shuttle_sts121, vulcan_gto, or give a file's path; did you mean "
+        "ares_v?"
     )
     assert "did you mean" not in message("quetzal")
     assert message("").startswith("mission ''")
