@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plot a flight from the columns of its bag."""
+"""Plot a flight from the columns of its bag, and its part in the air as its page has it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,9 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ares_studies.flight_page.charts import AIR
+from ares_studies.flight_page.data import DrawnFlight
 from ares_studies.flight_page.geometry import thrust_angles
 
 Columns = Mapping[str, NDArray[np.float64]]
+#: An instant to mark: mission elapsed time in s, and a label.
+Mark = tuple[float, str]
 
 INK = "#1f2933"
 FAINT = "#d5dbe1"
@@ -24,11 +28,13 @@ def draw_flight(
     title: str,
     truth: Columns,
     status: Columns,
-    marks: Sequence[tuple[float, str]] = (),
+    marks: Sequence[Mark] = (),
     heating_limit_w_m2: float | None = None,
     target: Mapping[str, float] | None = None,
+    flight: DrawnFlight | None = None,
+    air_marks: Sequence[Mark] = (),
 ) -> Figure:
-    """Plot one flight in six panels against mission elapsed time.
+    """Plot one flight in six panels against mission elapsed time; four more for its air.
 
     Args:
         title: above the plot.
@@ -37,11 +43,18 @@ def draw_flight(
         marks: instants to mark: mission elapsed time in s, and a label.
         heating_limit_w_m2: drawn in the heating panel.
         target: values to draw as dashed lines: speed_m_s, flight_path_angle_deg.
+        flight: the same flight with its part in the air; None, or without one: no such panels.
+        air_marks: instants to mark in these.
     """
-    target = target or {}
-    figure = Figure(figsize=(11.0, 7.4), dpi=130, layout="constrained", facecolor="white")
+    whole: Any = Figure(figsize=(11.0, 7.4), dpi=130, layout="constrained", facecolor="white")
+    figure = whole
+    if flight is not None and flight.air is not None:
+        figure.set_figheight(7.4 + 5.0)
+        whole, below = figure.subfigures(2, 1, height_ratios=(7.4, 5.0))
+        _draw_air(below, flight, [mark for mark in air_marks if mark[0] <= flight.air.until_s])
     figure.suptitle(title, fontsize=13, color=INK, x=0.012, ha="left", weight="bold")
-    axes: Any = figure.subplots(3, 2, sharex=True)
+    axes: Any = whole.subplots(3, 2, sharex=True)
+    target = target or {}
     t = truth["time"]
     speed = np.linalg.norm(truth["velocity"], axis=1)
 
@@ -61,10 +74,27 @@ def draw_flight(
     predicted = status.get("cutoff_time", status["time"])
     _line(axes[2, 1], status["time"], predicted, "predicted cut-off, s", step=True)
     axes[2, 1].ticklabel_format(axis="y", useOffset=False)
-    for row in axes:
-        for panel in row:
-            for at, _ in marks:
-                panel.axvline(at, color=FAINT, linewidth=1.0, zorder=0)
+    _mark(axes, marks)
+    return figure
+
+
+def _draw_air(figure: Any, flight: DrawnFlight, marks: Sequence[Mark]) -> None:
+    """Plot the part of a flight in the air: the charts of its page, a panel each."""
+    axes: Any = figure.subplots(2, 2, sharex=True)
+    for panel, chart in zip(axes.flat, AIR, strict=True):
+        unit = f", {chart.axis.unit}" if chart.axis.unit else ""
+        for one in chart.lines(flight):
+            _line(panel, one.x, one.y, chart.axis.title + unit)
+        for level in chart.levels(flight):
+            _level(panel, level.at, level.text + level.spare)
+    _mark(axes, marks)
+
+
+def _mark(axes: Any, marks: Sequence[Mark]) -> None:
+    """Mark instants in all panels, label them above the first row, and time below the last."""
+    for panel in axes.flat:
+        for at, _ in marks:
+            panel.axvline(at, color=FAINT, linewidth=1.0, zorder=0)
     for panel in axes[0]:
         for at, word in marks:
             panel.annotate(
@@ -77,9 +107,8 @@ def draw_flight(
                 color=INK,
                 ha="center",
             )
-    for panel in axes[2]:
+    for panel in axes[-1]:
         panel.set_xlabel("mission elapsed time, s", fontsize=9, color=INK)
-    return figure
 
 
 def _line(

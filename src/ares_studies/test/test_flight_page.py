@@ -29,6 +29,7 @@ from ares_studies.flight_page.globe import make_globe
 from ares_studies.flight_page.land import coasts, read_land
 from ares_studies.flight_page.page import Account, make_report, render
 from ares_studies.pages.parts import Guide, line
+from ares_studies.plots import draw_flight
 
 MISSION = load_mission("ares_v")
 ENVIRONMENT = MISSION.environment_array()[0]
@@ -463,6 +464,41 @@ def test_several_flights_share_limits_without_what_each_spares():
     ]
     (level,) = air_figures(flights)["Dynamic pressure"].levels
     assert level.text == "limit, 40 kPa"
+
+
+def panels(flight, marks=()):
+    """Plot a flight; return its panels by their titles."""
+    truth = columns() | in_air() if flight and flight.air else columns()
+    figure = draw_flight("a flight", truth, status(), flight=flight, air_marks=marks)
+    return {panel.get_title(loc="left"): panel for panel in figure.axes}
+
+
+def test_a_picture_shows_the_air_as_the_page_does():
+    flight = make_flight(recording(mission=PAD, truth=in_air()))
+    drawn = panels(flight, [(60.0, "max q"), (400.0, "staging")])
+    assert len(drawn) == 10
+    words = {
+        "dynamic pressure, kPa": "Dynamic pressure",
+        "Mach number": "Mach number",
+        "angle of attack, deg": "Angle of attack",
+        "q alpha, kPa rad": "Q alpha",
+    }
+    figures = air_figures([flight])
+    for title, name in words.items():
+        panel, figure = drawn[title], figures[name]
+        assert panel.get_lines()[0].get_xdata() == pytest.approx(figure.series[0].x, abs=1e-3)
+        assert panel.get_lines()[0].get_xdata()[-1] <= flight.air.until_s
+        told = {text.get_text() for text in panel.texts}
+        assert {level.text for level in figure.levels} <= told
+        assert "staging" not in told
+    assert "max q" in {text.get_text() for text in drawn["Mach number"].texts}
+
+
+def test_a_picture_of_a_flight_above_the_air_has_its_six_panels():
+    flight = make_flight(recording())
+    assert flight.air is None
+    assert list(panels(flight)) == list(panels(None))
+    assert len(panels(flight)) == 6
 
 
 def test_the_boost_programme_belongs_to_the_part_in_the_air():

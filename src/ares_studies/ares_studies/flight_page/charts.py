@@ -61,6 +61,40 @@ class Chart:
     is_map: bool = False
 
 
+#: What the air does to a vehicle that climbs through it, a line each.
+AIR: tuple[Chart, ...] = (
+    Chart(
+        "Dynamic pressure",
+        "Half the density times the square of the speed against the air.",
+        Axis("dynamic pressure", "kPa"),
+        lines.in_air(("", "dynamic_pressure_pa", 1e-3, 4)),
+        lines.air_limits("dynamic_pressure_pa", "kPa"),
+        in_air=True,
+    ),
+    Chart(
+        "Mach number",
+        "Speed against the air over the speed of sound.",
+        Axis("Mach number", ""),
+        lines.in_air(("", "mach", 1.0, 4)),
+        in_air=True,
+    ),
+    Chart(
+        "Angle of attack",
+        "From the velocity against the air to the thrust.",
+        Axis("angle of attack", "deg"),
+        lines.in_air(("", "angle_of_attack_deg", 1.0, 4)),
+        in_air=True,
+    ),
+    Chart(
+        "Q alpha",
+        "Dynamic pressure times the sine of the angle of attack: what bends the vehicle.",
+        Axis("q alpha", "kPa rad"),
+        lines.in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
+        lines.air_limits("q_alpha_pa_rad", "kPa rad"),
+        in_air=True,
+    ),
+)
+
 CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
     (
         "Trajectory",
@@ -152,36 +186,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
         "In the air",
         "From the pad until the air is thin, with what the air does to the vehicle there.",
         (
-            Chart(
-                "Dynamic pressure",
-                "Half the density times the square of the speed against the air.",
-                Axis("dynamic pressure", "kPa"),
-                lines.in_air(("", "dynamic_pressure_pa", 1e-3, 4)),
-                lines.air_limits("dynamic_pressure_pa", "kPa"),
-                in_air=True,
-            ),
-            Chart(
-                "Mach number",
-                "Speed against the air over the speed of sound.",
-                Axis("Mach number", ""),
-                lines.in_air(("", "mach", 1.0, 4)),
-                in_air=True,
-            ),
-            Chart(
-                "Angle of attack",
-                "From the velocity against the air to the thrust.",
-                Axis("angle of attack", "deg"),
-                lines.in_air(("", "angle_of_attack_deg", 1.0, 4)),
-                in_air=True,
-            ),
-            Chart(
-                "Q alpha",
-                "Dynamic pressure times the sine of the angle of attack: what bends the vehicle.",
-                Axis("q alpha", "kPa rad"),
-                lines.in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
-                lines.air_limits("q_alpha_pa_rad", "kPa rad"),
-                in_air=True,
-            ),
+            *AIR,
             Chart(
                 "Loads",
                 "Acceleration by thrust and air, along the thrust and across it.",
