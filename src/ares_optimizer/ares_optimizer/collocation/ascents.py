@@ -149,7 +149,7 @@ def try_other_plane(search: Search) -> None:
     for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION):
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
-    met = search.optima[0].met
+    met = search.again
     search.try_start(TrialFlight(times_of(best.program, best.point.x), track, 0.0, limited=True))
     search.optima[0].met = max(search.optima[0].met, met)
 

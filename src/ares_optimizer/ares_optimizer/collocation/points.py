@@ -47,7 +47,7 @@ _JUNCTION_S = 4.0
 #: Multiplier of a pressure limit, relative to the greatest, from which it acts.
 _ACTING = 1e-2
 _GRID = 4001
-#: Angle of the intervals of a coast, relative to that of a new program, from which they are too long.
+#: Angle of the intervals of a coast, relative to that of new ones, from which they are too long.
 _LONG = 2.0
 #: Samples of a coast per state.
 _SAMPLES = 8

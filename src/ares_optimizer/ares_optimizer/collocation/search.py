@@ -4,6 +4,8 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,10 +66,13 @@ _MOST_MOVES = 3
 _GAINED = 1e-7
 #: Propellant fraction of the last stage in the search for the shortfall of propellant.
 _MOST_PROPELLANT = 0.97
+#: Most starts of that search, and need over what there is from which no start will do.
+_MOST_REPEATED = 12
+_FAR_SHORT = 1.02
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
 #: The same from a solution on other intervals, with its multipliers.
-_MOST_WARM = 50
+_MOST_WARM = 40
 #: Depth below ground at which an arc without a floor gets one, m.
 _DEEP_M = 1.0
 #: Such a floor is so far below the start of the flight, m.
@@ -88,7 +93,7 @@ _MOST_IN_STEPS = 300
 _MOST_FAILED = 2
 _SHRUNK = 0.35
 _GROWN = 2.0
-_FEW = 12
+_FEW = 18
 _HELD = 0.98
 #: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
 #: between them.
@@ -435,8 +440,29 @@ def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
     return arrays._replace(arcs=arcs)
 
 
-def short_of_propellant(search: Search, cause: Cause) -> Cause:
-    """Return the cause of a failed search, with the shortfall of propellant if any.
+class Shortage(NamedTuple):
+    """Hold the propellant of the last stage that the best flight takes, and what it has, kg."""
+
+    burnt: float
+    usable: float
+
+    @property
+    def is_far(self) -> bool:
+        """Return true if no other local optimum will do with what there is."""
+        return self.burnt > _FAR_SHORT * self.usable
+
+    @property
+    def cause(self) -> Cause:
+        """Return the cause of a failed search."""
+        return Cause(
+            Status.INFEASIBLE,
+            f"propellant of the last stage: {self.burnt - self.usable:,.0f} kg short, the best "
+            f"flight takes {self.burnt:,.0f} kg of {self.usable:,.0f} kg",
+        )
+
+
+def short_of_propellant(search: Search) -> Shortage | None:
+    """Return the shortfall of propellant of a search without solution; None if there is none known.
 
     The search is repeated with more propellant in the last stage. A solution that needs no more
     than the mission has goes to the search of the mission.
@@ -446,15 +472,15 @@ def short_of_propellant(search: Search, cause: Cause) -> Cause:
     last = arcs["stage"] == arcs[-1]["stage"]
     usable = float(search.arrays.arcs[-1]["propellant"])
     if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
-        return cause
+        return None
     more = Search(arrays, search.start, search.floors, search.request)
-    for trial in trials(more.arrays, search.start, search.floors):
+    for trial in islice(trials(more.arrays, search.start, search.floors), _MOST_REPEATED):
         if search.request.deadline.passed or more.is_conclusive:
             break
         more.try_start(trial)
     search.iterations += more.iterations
     if more.best is None:
-        return cause
+        return None
     program, x = more.best.program, more.best.point.x
     stages = arcs["stage"][program.segments["arc"]]
     members = np.flatnonzero(stages == arcs[-1]["stage"])
@@ -462,12 +488,8 @@ def short_of_propellant(search: Search, cause: Cause) -> Cause:
     if burnt <= usable:
         search.starts += more.starts
         search.keep(more.best)
-        return cause
-    return Cause(
-        Status.INFEASIBLE,
-        f"propellant of the last stage: {burnt - usable:,.0f} kg short, the best flight takes "
-        f"{burnt:,.0f} kg of {usable:,.0f} kg",
-    )
+        return None
+    return Shortage(burnt, usable)
 
 
 def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:

@@ -16,12 +16,14 @@ from ares_optimizer.collocation.ascents import (
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
-from ares_optimizer.collocation.search import Search, short_of_propellant
+from ares_optimizer.collocation.search import Search, Shortage, short_of_propellant
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Solution, UnfitMethod, failed
 
 #: Most starts of a search.
 _MOST_STARTS = 12
+#: Starts without a solution after which the propellant that one needs is looked for.
+_UNMET = 4
 
 
 def solve_collocation(request: Request, beat_kg: float | None = None) -> Solution:
@@ -51,15 +53,18 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
     first_guesses = chain(trials_by_parking(search), trials(arrays, start, floors))
+    short: Shortage | None = None
     for trial in islice(first_guesses, _MOST_STARTS):
-        if request.deadline.passed or search.is_conclusive:
+        if request.deadline.passed or search.is_conclusive or (short and short.is_far):
             break
         search.try_start(trial)
+        if search.starts == _UNMET and search.best is None and beat_kg is None:
+            short = short_of_propellant(search)
     try_coast_to_apogee(search)
     try_other_plane(search)
-    cause = search.failure()
-    if search.best is None and beat_kg is None and not request.deadline.passed:
-        cause = short_of_propellant(search, cause)
+    if search.best is None and search.starts < _UNMET and beat_kg is None:
+        short = short_of_propellant(search)
+    cause = short.cause if short else search.failure()
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
