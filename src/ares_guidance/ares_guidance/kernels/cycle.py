@@ -403,6 +403,9 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
         state.phase = PHASE_CONVERGING
         state.stale_cycles = 0
         start_guess(mission, onboard)
+        if state.lowered > norm(load(state.solution.velocity_to_go)):
+            # by more than is left to gain: of a solution that was none
+            aim_anew(mission, state, AIM_TARGET)
     else:
         state.solution = state.saved
 

@@ -16,6 +16,7 @@ import math
 from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.near import may_release_place
+from ares_guidance.kernels.peg import iterate as iterate_by_peg
 from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import (
     Integrals,
@@ -177,6 +178,10 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
         change of velocity-to-go m/s, change of the jettison time s, whether the
         target plane passes through the predicted point.
     """
+    leg = onboard.state.leg
+    if leg.coasting == 1 and leg.time_to_go <= onboard.settings.hold_time:
+        # held all along, so short a burn has no turn in which this law would meet the place
+        return iterate_by_peg(mission, onboard)
     environment = mission.environment
     target = mission.target
     nav = onboard.navigation

@@ -34,6 +34,8 @@ ALLOWED_SHARE = 0.1
 LEAST_MEAN = 0.15
 #: Newton steps to the time at which a coast passes a place.
 PLACE_STEPS = 6
+#: Time before an ignition from which a burn after an ascent through the air is aimed, s.
+LATE_IN_COAST = 600.0
 
 
 @kernel
@@ -217,6 +219,9 @@ def guess_end(arcs: NDArray[Any], nav: Record, state: Record) -> None:
 def time_cycle(onboard: Onboard, was_coasting: int) -> None:
     """Schedule the cycles in a coast by the present time, as the leg's own time stands still.
 
+    After an ascent through the air a coast begins in thin air, of which its prediction knows
+    nothing: the burn after it is aimed towards its end, and planned until then.
+
     Args:
         onboard: state of guidance with the present navigation state. Changed.
         was_coasting: 1 if the previous navigation state was in a coast.
@@ -226,7 +231,8 @@ def time_cycle(onboard: Onboard, was_coasting: int) -> None:
     leg = state.leg
     if leg.coasting == 1:
         if was_coasting == 0:
-            leg.cycle_time = now
+            late = leg.navigation.time - LATE_IN_COAST if state.programme.cycle > 0 else now
+            leg.cycle_time = max(now, late)
         state.next_cycle_time = math.inf
         if now >= leg.cycle_time - 1e-9:
             state.next_cycle_time = leg.navigation.time
