@@ -30,7 +30,7 @@ from ares_optimizer.collocation.points import (
     times_of,
 )
 from ares_optimizer.collocation.search import CORNER, Search, refined
-from ares_optimizer.collocation.solver import StoppingPoint, solve_program
+from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table, pressures_in
@@ -140,7 +140,10 @@ def _above_floors(
     for _ in range(_MOST_LEVELS):
         if not _moved(found, floors, levels):
             break
-        found = _with_levels(search, found, levels) or found
+        again = _with_levels(search, found, levels)
+        if again is None:
+            break
+        found = again
     return found
 
 
@@ -148,14 +151,22 @@ def _with_levels(
     search: Search, found: FoundOptimum, levels: dict[int, float]
 ) -> FoundOptimum | None:
     """Solve again with other floors; return None on failure."""
-    program = found.program
     for arc, level in levels.items():
-        program.move_floor(arc, level)
-    point = solve_program(program, found.point, search.request.deadline)
-    search.iterations += point.iterations
-    if not point.solved:
-        return None
-    return FoundOptimum(program, point, mass_of(program, point))
+        found.program.move_floor(arc, level)
+    return _solved_again(search, found)
+
+
+def _solved_again(search: Search, found: FoundOptimum) -> FoundOptimum | None:
+    """Solve a program with changed limits from its solution; return None on failure."""
+    program = found.program
+    # the multipliers of the other limits may mislead
+    ways: tuple[tuple[Array | StoppingPoint, float | None], ...]
+    ways = ((found.point, None), (found.point.x, CORNER))
+    for begin, mu in ways:
+        point = search.solve_in_steps(program, begin, mu)
+        if point.solved:
+            return FoundOptimum(program, point, mass_of(program, point))
+    return None
 
 
 def _within_limits(search: Search, proven: Proven) -> Proven:
@@ -166,18 +177,11 @@ def _within_limits(search: Search, proven: Proven) -> Proven:
     for _ in range(_MOST_LEVELS):
         if search.request.deadline.passed or not _narrowed(search, proven, factors):
             break
-        program = proven.found.program
-        program.scale_limits(factors)
-        point = solve_program(program, proven.found.point, search.request.deadline)
-        search.iterations += point.iterations
-        if not point.solved:
-            # the multipliers of the wider limits may mislead
-            point = solve_program(program, proven.found.point.x, search.request.deadline, mu=CORNER)
-            search.iterations += point.iterations
-        if not point.solved:
+        proven.found.program.scale_limits(factors)
+        found = _solved_again(search, proven.found)
+        if found is None:
             break
-        found = FoundOptimum(program, point, mass_of(program, point))
-        proven = _verified(search, found, adjoint_of(program, point))
+        proven = _verified(search, found, adjoint_of(found.program, found.point))
     return proven
 
 
