@@ -25,7 +25,12 @@ from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
-from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.transcription import (
+    COAST_TURN,
+    CollocationProgram,
+    FreeTimes,
+    Sweep,
+)
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor, depth_below_ground
@@ -514,3 +519,21 @@ def test_a_flight_below_its_floor_is_not_called_optimal(monkeypatch):
     steps = []
     assert auto._last_resort(request, lost, steps).reason == "nothing"
     assert steps == ["indirect: perigee radius in arc 2 1 m; at least 2 m"]
+
+
+def test_intervals_of_a_coast_are_longer_where_its_orbit_is_slow() -> None:
+    first, _ = first_program("geostationary_transfer")
+    times = first.trial._replace(
+        lengths=first.trial.lengths + 2e4,
+        cutoff=first.trial.cutoff + 2e4 * len(first.trial.lengths),
+    )
+    low = CollocationProgram(first.arrays, first.start, times)
+    p = int(np.argmax(low.intervals))
+    begin, end = float(low.segments[p]["start"]), float(low.segments[p]["end"])
+    part = np.linspace(0.0, 1.0, 101)
+    sweep = Sweep(begin + part * (end - begin), 2.0 * np.sqrt(part))
+    program = CollocationProgram(first.arrays, first.start, times, sweep=sweep)
+    assert program.pace[p] == pytest.approx(2.0 * low.time / (end - begin))
+    assert 2.0 / COAST_TURN <= program.intervals[p] < 0.5 * low.intervals[p]
+    widths = np.diff(program.breaks[p])
+    assert widths[0] < 0.5 * widths[-1]

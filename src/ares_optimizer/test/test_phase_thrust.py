@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from ares_optimizer.collocation.air import net_thrust
 from ares_optimizer.collocation.arrays import PHASE
 from ares_optimizer.collocation.thrust import acceleration_terms, mass_after
 
@@ -47,3 +48,14 @@ def test_derivatives_are_those_of_differences(fraction, from_end):
     masses = [mass_after(known, fraction, LENGTH + h, MASS)[0] for h in (STEP, -STEP)]
     change = (masses[0] - masses[1]) / (2.0 * STEP)
     assert mass_after(known, fraction, LENGTH, MASS)[1] == pytest.approx(change, abs=1e-8)
+
+
+def test_thrust_less_pressure_fades_and_never_points_backwards():
+    full, lost = 1000.0, 20.0
+    assert net_thrust(500.0, lost, full) == (480.0, 1.0)
+    assert net_thrust(0.0, 0.0, full) == (0.0, 1.0)
+    for thrust in (21.5, 21.0, 20.0, 10.0, 0.0):
+        net, slope = net_thrust(thrust, lost, full)
+        ends = [net_thrust(thrust + h, lost, full)[0] for h in (STEP, -STEP)]
+        assert 0.0 < net <= max(1.0, thrust - lost)
+        assert slope == pytest.approx((ends[0] - ends[1]) / (2.0 * STEP), rel=1e-6)

@@ -28,7 +28,7 @@ from ares_optimizer.proof.physics import air_force, gravity, surface_radius
 from ares_optimizer.solution import Check, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.window import launched_later
-from ares_studies.closed_loop import arc_plan, fly_stepwise, offline_trajectory
+from ares_studies.closed_loop import arc_plan, fly_compiled, fly_stepwise, offline_trajectory
 from ares_studies.flight_page.data import make_flight
 from ares_studies.flight_page.optimum import record_optimum
 from ares_trials.random_launchers import random_launcher
@@ -524,7 +524,7 @@ def test_a_drop_within_a_free_burn_makes_it_last_so_long():
 
 
 @pytest.mark.trial
-@pytest.mark.parametrize("seed", [1, 9, 26, 28, 30, 71000, 71006, 71013, 71036])
+@pytest.mark.parametrize("seed", [1, 9, 26, 28, 30, 71000, 71006, 71008, 71013, 71035, 71036])
 def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
     mission = random_launcher(seed)
     solution = solve(mission, "auto")
@@ -532,6 +532,17 @@ def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
     end = flown(mission, solution, "peg")
     assert end["inserted"]
     assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=5e-3)
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize("seed", [70003, 70005, 70008, 70011])
+def test_a_short_burn_after_a_long_coast_is_flown_by_every_law(seed):
+    mission = random_launcher(seed)
+    solution = solve(mission, "auto")
+    for law in ("peg", "igm", "optimal"):
+        end = fly_compiled(mission, law=ready(mission, solution, law)).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
 
 
 #: In place of the last burn: a parking orbit, then a circle.
