@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, NAVIGATION, MissionArrays
-from ares_models.kernels.environment import log_heating_gradient
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.kernels import timetable
@@ -36,8 +35,7 @@ from ares_optimizer.two_point.arrays import (
     Effort,
 )
 from ares_optimizer.two_point.kernels import closed_form, newton, search
-from ares_optimizer.two_point.kernels.air import fly_in_air
-from ares_optimizer.two_point.kernels.shooting import begin_flight, part_of, shoot_with_jacobian
+from ares_optimizer.two_point.kernels.shooting import begin_flight, shoot_with_jacobian
 
 Array = NDArray[np.float64]
 
@@ -193,9 +191,6 @@ class TwoPointOptions:
             is linear within each arc, and Eqs. 3.20, 3.21 omit part of its gradient.
         tolerance: of the last Newton step, in scaled unknowns.
         max_iterations: of one start.
-        in_air: forces of the air and ambient pressure act all along. Limits of the dynamic pressure
-            are not kept.
-        max_steps: of the integrator, in one search; 0: no limit.
     """
 
     gravity: GravityName = "inverse_square"
@@ -207,8 +202,6 @@ class TwoPointOptions:
     correction: bool = True
     tolerance: float = 1e-9
     max_iterations: int = 50
-    in_air: bool = False
-    max_steps: int = 0
 
     def __post_init__(self) -> None:
         """Check the choices.
@@ -223,10 +216,6 @@ class TwoPointOptions:
         for name in ("step_s", "arc_length_s"):
             if not getattr(self, name) > 0.0:
                 raise OptimizerError(f"{name} is {getattr(self, name):g}; expected more than 0")
-        if self.in_air and (self.in_closed_form or self.gravity == "linear"):
-            raise OptimizerError(
-                "in_air is True; in closed form and in linear gravity expected False"
-            )
 
     @property
     def in_closed_form(self) -> bool:
@@ -244,9 +233,6 @@ class TwoPointOptions:
         options["step"] = self.arc_length_s if self.in_closed_form else self.step_s
         options["max_iterations"] = self.max_iterations
         options["tolerance"] = self.tolerance
-        options["in_air"] = int(self.in_air)
-        options["air_end"] = math.inf
-        options["max_steps"] = self.max_steps
         return options
 
 
@@ -491,14 +477,9 @@ class TwoPointSolver:
     def sample(
         self, start: NDArray[np.void], unknowns: Array, interval_s: float = _SAMPLE_S
     ) -> Array:
-        """Sample the flight: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``).
-
-        In the air the columns after lambda_r are nan.
-        """
+        """Sample the flight: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``)."""
         trial = np.zeros(MAX_UNKNOWNS)
         trial[: unknowns.size] = unknowns
-        if self.options["in_air"][0]:
-            return self._sample_in_air(start, trial, interval_s)
         out = np.zeros((1024, sample.SAMPLE_COLUMNS))
         while True:
             rows = sample.sample_flight(
@@ -508,36 +489,6 @@ class TwoPointSolver:
                 return out[:rows].copy()
             out = np.zeros((-rows, sample.SAMPLE_COLUMNS))
 
-    def _sample_in_air(self, start: NDArray[np.void], unknowns: Array, interval_s: float) -> Array:
-        """Sample the flight through the air, both ends of every segment included."""
-        work = self.work[0]
-        gravity = begin_flight(start[0], self._mission, self.options[0], unknowns, work)
-        optimal = int(self.options["heating"][0]) == timetable.HEATING_OPTIMAL
-        part = work["segments"][-1]
-        rows = []
-        for segment in work["segments"][: int(work["segment_count"])]:
-            rows.append(_row(float(segment["start"]), segment, work["state"]))
-            count = max(1, math.ceil((segment["end"] - segment["start"]) / interval_s))
-            for k in range(count):
-                part_of(segment, k, count, part)
-                part["arc"] = segment["arc"]
-                fly_in_air(part, math.inf, gravity, self._mission, work)
-                rows.append(_row(float(part["end"]), segment, work["state"]))
-            if segment["end_heating"] >= 0 and optimal:
-                pi = unknowns[COLUMN_JETTISON + 2 * int(segment["end_heating"]) + 1]
-                self._jump(pi)
-        return np.array(rows).reshape(-1, sample.SAMPLE_COLUMNS)
-
-    def _jump(self, pi: float) -> None:
-        """Change the costates of the state in ``work`` by the jump at a heating jettison."""
-        state = self.work["state"][0]
-        r, v = tuple(state[0:3].tolist()), tuple(state[3:6].tolist())
-        _, by_r, by_v = log_heating_gradient(
-            r, v, self._mission.environment, self._mission.atmosphere
-        )
-        state[6:9] -= pi * np.array(by_v)
-        state[9:12] += pi * np.array(by_r)
-
     def final_hamiltonian(self, start: NDArray[np.void], unknowns: Array) -> float:
         """Return lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2."""
         trial = np.zeros(MAX_UNKNOWNS)
@@ -545,15 +496,3 @@ class TwoPointSolver:
         return float(
             search.final_hamiltonian(start[0], self._mission, self.options[0], trial, self.work[0])
         )
-
-
-def _row(time_s: float, segment: np.void, state: Array) -> Array:
-    """Return a sample of time, state, mass and costates; the rest is nan."""
-    row = np.full(sample.SAMPLE_COLUMNS, math.nan)
-    row[sample.TIME] = time_s
-    row[sample.POSITION : sample.POSITION + 3] = state[0:3]
-    row[sample.VELOCITY : sample.VELOCITY + 3] = state[3:6]
-    row[sample.MASS] = timetable.segment_mass(segment, time_s)
-    row[sample.LAMBDA_V : sample.LAMBDA_V + 3] = state[6:9]
-    row[sample.LAMBDA_R : sample.LAMBDA_R + 3] = -state[9:12]
-    return row
