@@ -22,7 +22,7 @@ from figures import Figures, keep_option
 from ares_models.floors import floors_of
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.collocation.guess import guess_of, trials
-from ares_optimizer.collocation.search import floors_on
+from ares_optimizer.collocation.search import floors_on, sweep_of_trial
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.request import arrays_and_state
 from ares_optimizer.solve import solve
@@ -66,7 +66,8 @@ def theirs(mission: Mission) -> tuple[float, float, float]:
     floors = floors_of(arrays, start)
     best, built, begun = math.nan, 0.0, time.process_time()
     for trial in islice(trials(arrays, start, floors), STARTS):
-        program = CollocationProgram(arrays, start, trial.times, floors_on(floors, 0.0, trial))
+        kept, sweep = floors_on(floors, 0.0, trial), sweep_of_trial(trial, arrays)
+        program = CollocationProgram(arrays, start, trial.times, kept, sweep=sweep)
         guess = guess_of(program, trial)
         peer = CasadiCollocation(program)
         built += peer.build_s

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ares_models.mission import Mission
-from ares_optimizer.collocation.search import with_more_propellant
+from ares_optimizer.collocation.shortage import with_more_propellant
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve

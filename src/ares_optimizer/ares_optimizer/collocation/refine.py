@@ -33,7 +33,7 @@ from ares_optimizer.collocation.search import CORNER, Search, refined
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
-from ares_optimizer.proof.checks import constraint_table, pressures_in
+from ares_optimizer.proof.checks import constraint_table, limits_of, pressures_in
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
@@ -58,7 +58,6 @@ _FAR_OVER = 2e-2
 #: Checks of the pressure limits, by kind of constraint.
 _CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_ALPHA}
 _PRESSURES = set(_CHECKS.values())
-_LIMITS = {DYNAMIC_PRESSURE_RULE: "max_dynamic_pressure", Q_ALPHA_RULE: "max_q_alpha"}
 #: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
@@ -200,8 +199,7 @@ def _narrowed(search: Search, proven: Proven, factors: dict[tuple[int, int], Arr
     nodes = node_times(program, program.time * proven.found.point.x[program.lengths])
     for (stage, kind), rows in program.limit_rows.items():
         times, values = pressures_in(search.arrays, flight, _CHECKS[kind], stage)
-        limit = float(program.arrays.arcs[_LIMITS[kind]][program.arrays.arcs["stage"] == stage][0])
-        excess = values / limit
+        excess = values / limits_of(search.arrays, _CHECKS[kind])[stage]
         if not 1.0 + _OVER < excess.max(initial=0.0) < 1.0 + _FAR_OVER:
             continue
         over = True
@@ -313,9 +311,9 @@ def steering_of(program: CollocationProgram, point: StoppingPoint, adjoint: Adjo
 def _interpolated(
     program: CollocationProgram, p: int, times: Array, u: Array
 ) -> Callable[[float], Array]:
-    """Interpolate the directions at the Radau points of a phase by monotone cubics.
+    """Interpolate the directions at the Radau points of a phase by modified Akima cubics.
 
-    They do not overshoot where the direction jumps at the end of a pressure limit.
+    They hardly overshoot where the direction jumps at the end of a pressure limit.
     """
     if times[-1] - times[0] < SAME_LENGTH or program.steering[p] != GUIDED:
         return lambda _: u[-1]

@@ -4,8 +4,6 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +15,7 @@ from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import carried_point, carried_variables
-from ares_optimizer.collocation.guess import guess_of, trials
+from ares_optimizer.collocation.guess import guess_of
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
     Array,
@@ -57,6 +55,8 @@ _ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
 _FAILED = 1
+#: Most starts of a search.
+MOST_STARTS = 12
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
 #: Time by which an event is moved past another, s.
@@ -64,11 +64,6 @@ _MOVES_S = (1.0, 0.1)
 #: Most such moves in a row, and least relative gain of mass to continue.
 _MOST_MOVES = 3
 _GAINED = 1e-7
-#: Propellant fraction of the last stage in the search for the shortfall of propellant.
-_MOST_PROPELLANT = 0.97
-#: Most starts of that search, and need over what there is from which no start will do.
-_MOST_REPEATED = 12
-_FAR_SHORT = 1.02
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
 #: The same from a solution on other intervals, with its multipliers.
@@ -429,67 +424,6 @@ class Search:
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
-
-
-def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
-    """Return the mission with a last stage that is nearly all propellant."""
-    arcs = arrays.arcs.copy()
-    last = arcs["stage"] == arcs[-1]["stage"]
-    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
-    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
-    return arrays._replace(arcs=arcs)
-
-
-class Shortage(NamedTuple):
-    """Hold the propellant of the last stage that the best flight takes, and what it has, kg."""
-
-    burnt: float
-    usable: float
-
-    @property
-    def is_far(self) -> bool:
-        """Return true if no other local optimum will do with what there is."""
-        return self.burnt > _FAR_SHORT * self.usable
-
-    @property
-    def cause(self) -> Cause:
-        """Return the cause of a failed search."""
-        return Cause(
-            Status.INFEASIBLE,
-            f"propellant of the last stage: {self.burnt - self.usable:,.0f} kg short, the best "
-            f"flight takes {self.burnt:,.0f} kg of {self.usable:,.0f} kg",
-        )
-
-
-def short_of_propellant(search: Search) -> Shortage | None:
-    """Return the shortfall of propellant of a search without solution; None if there is none known.
-
-    The search is repeated with more propellant in the last stage. A solution that needs no more
-    than the mission has goes to the search of the mission.
-    """
-    arrays = with_more_propellant(search.arrays)
-    arcs = arrays.arcs
-    last = arcs["stage"] == arcs[-1]["stage"]
-    usable = float(search.arrays.arcs[-1]["propellant"])
-    if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
-        return None
-    more = Search(arrays, search.start, search.floors, search.request)
-    for trial in islice(trials(more.arrays, search.start, search.floors), _MOST_REPEATED):
-        if search.request.deadline.passed or more.is_conclusive:
-            break
-        more.try_start(trial)
-    search.iterations += more.iterations
-    if more.best is None:
-        return None
-    program, x = more.best.program, more.best.point.x
-    stages = arcs["stage"][program.segments["arc"]]
-    members = np.flatnonzero(stages == arcs[-1]["stage"])
-    burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
-    if burnt <= usable:
-        search.starts += more.starts
-        search.keep(more.best)
-        return None
-    return Shortage(burnt, usable)
 
 
 def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:

@@ -16,12 +16,11 @@ from ares_optimizer.collocation.ascents import (
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
-from ares_optimizer.collocation.search import Search, Shortage, short_of_propellant
+from ares_optimizer.collocation.search import MOST_STARTS, Search
+from ares_optimizer.collocation.shortage import Shortage, short_of_propellant
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Solution, UnfitMethod, failed
 
-#: Most starts of a search.
-_MOST_STARTS = 12
 #: Starts without a solution after which the propellant that one needs is looked for.
 _UNMET = 4
 
@@ -54,7 +53,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     search = Search(arrays, start, floors, request)
     first_guesses = chain(trials_by_parking(search), trials(arrays, start, floors))
     short: Shortage | None = None
-    for trial in islice(first_guesses, _MOST_STARTS):
+    for trial in islice(first_guesses, MOST_STARTS):
         if request.deadline.passed or search.is_conclusive or (short and short.is_far):
             break
         search.try_start(trial)
@@ -64,7 +63,10 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     try_other_plane(search)
     if search.best is None and search.starts < _UNMET and beat_kg is None:
         short = short_of_propellant(search)
-    cause = short.cause if short else search.failure()
+    # a small shortage counts only once all starts were tried
+    cause = search.failure()
+    if short and (short.is_far or not request.deadline.passed):
+        cause = short.cause
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):

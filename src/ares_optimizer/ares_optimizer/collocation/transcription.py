@@ -113,6 +113,19 @@ def _kind_of(phase: Record) -> str:
     return _COAST if phase["steering"] == COASTING else _BURN
 
 
+def _equal_shares(whole: Array, count: int) -> Array:
+    """Return the ends of intervals with equal shares of a measure, as fractions of the phase.
+
+    Args:
+        whole: the measure from 0 on, increasing, at equal fractions of the phase.
+        count: of the intervals.
+    """
+    even = np.linspace(0.0, 1.0, len(whole))
+    places: Array = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
+    places[0], places[-1] = 0.0, 1.0
+    return places
+
+
 class Turning(NamedTuple):
     """Hold the turn of the thrust direction along a flight.
 
@@ -342,9 +355,7 @@ class CollocationProgram:
         # additional intervals in proportion to the turn of the thrust
         whole = even * count + (turned - turned[0]) / _THRUST_TURN
         count = math.ceil(finer * min(whole[-1], _MOST_TURNS))
-        places = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
-        places[0], places[-1] = 0.0, 1.0
-        return places
+        return _equal_shares(whole, count)
 
     def _breaks_of_coast(self, p: int, finer: float, sweep: Sweep) -> Array:
         """Return the ends of the intervals of a coast, as fractions of it."""
@@ -357,9 +368,7 @@ class CollocationProgram:
         self.pace[p] = min(1.0, (angle[-1] - angle[0]) / low)
         whole = angle - angle[0] + _COAST_EVEN * low * even
         count = min(max(math.ceil(whole[-1] / COAST_TURN), _LEAST_COAST), _MOST_COAST)
-        places = np.interp(np.linspace(0.0, whole[-1], math.ceil(finer * count) + 1), whole, even)
-        places[0], places[-1] = 0.0, 1.0
-        return places
+        return _equal_shares(whole, math.ceil(finer * count))
 
     @staticmethod
     def _coasts(piece: Record) -> bool:

@@ -124,7 +124,7 @@ def pressure_peaks(
     """
     return {
         stage: (float(pressures_in(arrays, flight, key, stage)[1].max(initial=0.0)), limit)
-        for stage, limit in _limits_of(arrays, key).items()
+        for stage, limit in limits_of(arrays, key).items()
     }
 
 
@@ -146,7 +146,7 @@ def pressures_in(
     return np.concatenate((*times, [])), np.concatenate((*values, []))
 
 
-def _limits_of(arrays: MissionArrays, key: Check) -> dict[int, float]:
+def limits_of(arrays: MissionArrays, key: Check) -> dict[int, float]:
     """Return the limit of each stage that has one."""
     stages, first = np.unique(arrays.arcs["stage"], return_index=True)
     limits = arrays.arcs[_LIMITS[key]][first]
@@ -197,7 +197,7 @@ def programme_checks(
     def peaks(key: Check) -> dict[int, tuple[float, float]]:
         return {
             stage: (float(_pressures(arrays, key, (r[own], v[own], u[own])).max()), limit)
-            for stage, limit in _limits_of(arrays, key).items()
+            for stage, limit in limits_of(arrays, key).items()
             if (own := stages == stage).any()
         }
 

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Look for the propellant that the last stage of a mission is short of."""
+
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+
+from ares_models.arrays import MissionArrays
+from ares_optimizer.collocation.guess import trials
+from ares_optimizer.collocation.search import MOST_STARTS, Search
+from ares_optimizer.solution import Cause, Status
+
+#: Propellant fraction of the last stage in the search.
+_MOST_PROPELLANT = 0.97
+#: Need over what there is from which no start will do.
+_FAR_SHORT = 1.02
+
+
+def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
+    """Return the mission with a last stage that is nearly all propellant."""
+    arcs = arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
+    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
+    return arrays._replace(arcs=arcs)
+
+
+class Shortage(NamedTuple):
+    """Hold the propellant of the last stage that the best flight takes, and what it has, kg."""
+
+    burnt: float
+    usable: float
+
+    @property
+    def is_far(self) -> bool:
+        """Return true if no other local optimum will do with what there is."""
+        return self.burnt > _FAR_SHORT * self.usable
+
+    @property
+    def cause(self) -> Cause:
+        """Return the cause of a failed search."""
+        return Cause(
+            Status.INFEASIBLE,
+            f"propellant of the last stage: {self.burnt - self.usable:,.0f} kg short, the best "
+            f"flight takes {self.burnt:,.0f} kg of {self.usable:,.0f} kg",
+        )
+
+
+def short_of_propellant(search: Search) -> Shortage | None:
+    """Return the shortfall of propellant of a search without solution; None if there is none known.
+
+    The search is repeated with more propellant in the last stage. A solution that needs no more
+    than the mission has goes to the search of the mission.
+    """
+    arrays = with_more_propellant(search.arrays)
+    arcs = arrays.arcs
+    last = arcs["stage"] == arcs[-1]["stage"]
+    usable = float(search.arrays.arcs[-1]["propellant"])
+    if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
+        return None
+    more = Search(arrays, search.start, search.floors, search.request)
+    for trial in islice(trials(more.arrays, search.start, search.floors), MOST_STARTS):
+        if search.request.deadline.passed or more.is_conclusive:
+            break
+        more.try_start(trial)
+    search.iterations += more.iterations
+    if more.best is None:
+        return None
+    program, x = more.best.program, more.best.point.x
+    stages = arcs["stage"][program.segments["arc"]]
+    members = np.flatnonzero(stages == arcs[-1]["stage"])
+    burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
+    if burnt <= usable:
+        search.starts += more.starts
+        search.keep(more.best)
+        return None
+    return Shortage(burnt, usable)
