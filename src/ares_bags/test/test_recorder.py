@@ -384,10 +384,10 @@ def test_a_process_with_a_full_disk_ends_with_status_1(
         def reported() -> bool:
             return any(array.status[0].name == "ares/recorder" for array in source.heard)
 
-        # many messages in one chunk take little room
-        for first in range(0, 90_000, 900):
-            source.publish(first, 900)
-            if spin_until(source.executor, reported, 2.0):
+        # few at a time: the report must not be pushed out of the queue of what is heard
+        for first in range(0, 90_000, 90):
+            source.publish(first, 90)
+            if spin_until(source.executor, reported, 0.1):
                 break
         assert reported()
         assert process.poll() is None, "it stays, so that the flight goes on"
