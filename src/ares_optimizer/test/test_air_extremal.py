@@ -12,6 +12,10 @@ import ares_trials
 from ares_models.jit import kernel
 from ares_models.kernels.records import mission_records
 from ares_models.mission import load_mission
+from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.indirect.solver import TwoPointOptions, TwoPointSolver
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solve import solve
 from ares_optimizer.two_point.kernels.air import Extremal, rates
 from ares_optimizer.two_point.kernels.gravity import field_of
 
@@ -66,3 +70,44 @@ def test_costates_follow_the_gradient_of_the_hamiltonian(
     assert here.r == pytest.approx(v)
     assert here.q == pytest.approx(by_r, abs=accuracy * np.abs(by_r).max())
     assert here.p == pytest.approx(Q - by_v, abs=accuracy * np.abs(Q - by_v).max())
+
+
+def test_the_two_point_problem_in_the_air_has_the_published_optimum() -> None:
+    mission = load_mission("delta_iii_pad")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    plan = solve(mission, "collocation")
+    solver = TwoPointSolver(arrays, TwoPointOptions(in_air=True))
+    root = solver.solve(start, plan.parameters, restart=False)
+    assert root.converged
+    # of the last burn 24 g are a millisecond
+    assert root.cutoff_s == pytest.approx(924.1392, abs=1e-4)
+    way = solver.sample(start, root.unknowns, 7.0)
+    solver.shoot(start, root.unknowns)
+    end = solver.work["state"][0]
+    assert way[-1, sample.TIME] == root.cutoff_s
+    # with other steps
+    place = way[-1, sample.POSITION : sample.POSITION + 3]
+    primer = way[-1, sample.LAMBDA_V : sample.LAMBDA_V + 3]
+    assert np.linalg.norm(place - end[0:3]) < 10.0
+    assert primer == pytest.approx(end[6:9], abs=1e-5)
+
+
+def test_a_tail_off_is_flown_above_the_air() -> None:
+    mission = load_mission("saturn_v_as506_pad")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    begin = 497.72
+    assert arrays.arcs["tail_knots"].nonzero()[0][0] == 7
+    solver = TwoPointSolver(arrays, TwoPointOptions(in_air=True, air_end_s=begin))
+    unknowns = np.zeros(7)
+    unknowns[0:3] = start["position"][0] / np.linalg.norm(start["position"][0])
+    unknowns[6] = 690.0
+    way = solver.sample(start, unknowns, 5.0)
+    solver.shoot(start, unknowns)
+    velocity = way[-1, sample.VELOCITY : sample.VELOCITY + 3]
+    assert np.linalg.norm(velocity - solver.work["state"][0][3:6]) < 0.05
+
+
+@pytest.mark.parametrize("changes", [{"gravity": "linear"}, {"propagator": "closed_form"}])
+def test_only_the_exact_problem_knows_of_the_air(changes: Any) -> None:
+    with pytest.raises(OptimizerError, match="in_air is True"):
+        TwoPointOptions(in_air=True, **changes)

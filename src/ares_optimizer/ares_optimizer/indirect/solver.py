@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, NAVIGATION, MissionArrays
+from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.sequence import SAME_TIME
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.kernels import timetable
@@ -35,7 +37,14 @@ from ares_optimizer.two_point.arrays import (
     Effort,
 )
 from ares_optimizer.two_point.kernels import closed_form, newton, search
-from ares_optimizer.two_point.kernels.shooting import begin_flight, shoot_with_jacobian
+from ares_optimizer.two_point.kernels.air import fly_in_air
+from ares_optimizer.two_point.kernels.shooting import (
+    begin_flight,
+    fly_segment,
+    part_of,
+    shoot_with_jacobian,
+    step_count,
+)
 
 Array = NDArray[np.float64]
 
@@ -191,6 +200,11 @@ class TwoPointOptions:
             is linear within each arc, and Eqs. 3.20, 3.21 omit part of its gradient.
         tolerance: of the last Newton step, in scaled unknowns.
         max_iterations: of one start.
+        in_air: with the forces of the air and ambient pressure; limits of the dynamic pressure are
+            not kept.
+        air_end_s: time from which segments are flown without air; before it a tail-off has no
+            thrust.
+        max_steps: most steps of the integrator in one search; 0: no limit.
     """
 
     gravity: GravityName = "inverse_square"
@@ -202,6 +216,9 @@ class TwoPointOptions:
     correction: bool = True
     tolerance: float = 1e-9
     max_iterations: int = 50
+    in_air: bool = False
+    air_end_s: float = math.inf
+    max_steps: int = 0
 
     def __post_init__(self) -> None:
         """Check the choices.
@@ -216,6 +233,10 @@ class TwoPointOptions:
         for name in ("step_s", "arc_length_s"):
             if not getattr(self, name) > 0.0:
                 raise OptimizerError(f"{name} is {getattr(self, name):g}; expected more than 0")
+        if self.in_air and (self.in_closed_form or self.gravity == "linear"):
+            raise OptimizerError(
+                "in_air is True; in closed form and in linear gravity expected False"
+            )
 
     @property
     def in_closed_form(self) -> bool:
@@ -233,6 +254,9 @@ class TwoPointOptions:
         options["step"] = self.arc_length_s if self.in_closed_form else self.step_s
         options["max_iterations"] = self.max_iterations
         options["tolerance"] = self.tolerance
+        options["in_air"] = int(self.in_air)
+        options["air_end"] = self.air_end_s
+        options["max_steps"] = self.max_steps
         return options
 
 
@@ -477,9 +501,14 @@ class TwoPointSolver:
     def sample(
         self, start: NDArray[np.void], unknowns: Array, interval_s: float = _SAMPLE_S
     ) -> Array:
-        """Sample the flight: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``)."""
+        """Sample the flight: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``).
+
+        In the air lambda_r is the last column.
+        """
         trial = np.zeros(MAX_UNKNOWNS)
         trial[: unknowns.size] = unknowns
+        if self.options["in_air"][0]:
+            return self._sample_in_air(start, trial, interval_s)
         out = np.zeros((1024, sample.SAMPLE_COLUMNS))
         while True:
             rows = sample.sample_flight(
@@ -488,6 +517,40 @@ class TwoPointSolver:
             if rows >= 0:
                 return out[:rows].copy()
             out = np.zeros((-rows, sample.SAMPLE_COLUMNS))
+
+    def _sample_in_air(self, start: NDArray[np.void], unknowns: Array, interval_s: float) -> Array:
+        """Sample the flight through the air, both ends of every segment included."""
+        work, options = self.work[0], self.options[0]
+        gravity = begin_flight(start[0], self._mission, options, unknowns, work)
+        work["columns"] = 0
+        part = work["segments"][-1]
+        rows = []
+        for segment in work["segments"][: int(work["segment_count"])]:
+            count = max(1, math.ceil((segment["end"] - segment["start"]) / interval_s))
+            for k in range(count + 1):
+                if k:
+                    part_of(segment, k - 1, count, part)
+                    part["arc"] = segment["arc"]
+                    if segment["start"] < options["air_end"] - SAME_TIME:
+                        fly_in_air(part, options["air_end"], gravity, self._mission, work)
+                    else:
+                        fly_segment(part, step_count(part, options["step"]), gravity, options, work)
+                time_s = float(part["end"] if k else segment["start"])
+                r, v, p, q = work["state"].reshape(4, 3)
+                rows.append([time_s, *r, *v, timetable.segment_mass(segment, time_s), *p, *-q])
+            if segment["end_heating"] >= 0 and options["heating"] == timetable.HEATING_OPTIMAL:
+                self._jump(unknowns[COLUMN_JETTISON + 2 * int(segment["end_heating"]) + 1])
+        return np.array(rows)
+
+    def _jump(self, pi: float) -> None:
+        """Apply the jump of the costates at a heating jettison to the state in ``work``."""
+        state = self.work["state"][0]
+        r, v = tuple(state[0:3].tolist()), tuple(state[3:6].tolist())
+        _, by_r, by_v = log_heating_gradient(
+            r, v, self._mission.environment, self._mission.atmosphere
+        )
+        state[6:9] -= pi * np.array(by_v)
+        state[9:12] += pi * np.array(by_r)
 
     def final_hamiltonian(self, start: NDArray[np.void], unknowns: Array) -> float:
         """Return lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2."""
