@@ -80,6 +80,7 @@ def plan_solution(
     law: LawKind,
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
+    verify: bool = False,
 ) -> Solution:
     """Solve for the free quantities of a mission.
 
@@ -88,6 +89,7 @@ def plan_solution(
         law: guidance law.
         state: start of the plan, shape (1,), dtype NAVIGATION; None: the mission's start.
         time_limit_s: wall time of the search; None: no limit.
+        verify: fly it by another integrator too, and find its costates.
 
     Raises:
         ValueError: the optimizer finds no plan, or one through the ground; one line.
@@ -95,7 +97,7 @@ def plan_solution(
     from ares_optimizer.solve import solve  # slow to import
 
     arrays = mission.arrays(foreseen=True)
-    solution = solve(mission, "auto", state=state, verify=False, time_limit_s=time_limit_s)
+    solution = solve(mission, "auto", state=state, verify=verify, time_limit_s=time_limit_s)
     if not solution.flyable:
         raise ValueError(why_no_plan(law.name, arrays, solution.reason))
     try:

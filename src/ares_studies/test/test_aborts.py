@@ -10,13 +10,15 @@ import pytest
 
 from ares_models.failures import Failure, FailureKind
 from ares_models.judge import End
-from ares_models.mission import load_mission
+from ares_models.mission import TEMPLATE, load_mission, parse_mission, read_mission
 from ares_optimizer.foreknown import foreknown
-from ares_optimizer.solution import UnfitMethod
+from ares_optimizer.solution import OptimizerError, UnfitMethod
 from ares_optimizer.solve import solve
+from ares_studies import closed_loop
+from ares_studies.aborts import abort_map
 from ares_studies.aborts.abort_map import LATE_S, MapMaker, MapSettings, _flown_way
-from ares_studies.aborts.ends import Judge
-from ares_studies.aborts.optimum import Optimizer
+from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
+from ares_studies.aborts.optimum import Optimizer, plan_in_air
 from ares_studies.aborts.report import make_report, render
 from ares_studies.aborts.rows import failure_rows
 
@@ -28,9 +30,8 @@ def optimizer_of(name):
     return mission, Optimizer(mission, Judge(mission))
 
 
-@pytest.fixture(scope="module", params=MISSIONS)
-def made(request):
-    maker = MapMaker(MapSettings(load_mission(request.param), "peg", 60.0))
+def made_of(mission, step_s):
+    maker = MapMaker(MapSettings(mission, "peg", step_s))
     work = maker.make()
     done = 0
     while True:
@@ -38,6 +39,34 @@ def made(request):
             assert done <= (done := next(work)) <= maker.count
         except StopIteration as over:
             return over.value
+
+
+@pytest.fixture(scope="module", params=MISSIONS)
+def made(request):
+    return made_of(load_mission(request.param), 60.0)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    mission = load_mission("delta_iii_pad")
+    return mission, solve(mission, "auto")
+
+
+@pytest.fixture(scope="module")
+def from_pad(planned):
+    mission, plan = planned
+    plans = iter([plan])
+    names = ("thrust at 90 %, flow as before", "shut down early", "jettison stuck")
+
+    def some_rows(*args):
+        return tuple(row for row in failure_rows(*args) if row.name in names)
+
+    # one plan serves all points
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(abort_map, "failure_rows", some_rows)
+        for module in (abort_map, closed_loop):
+            patch.setattr(module, "plan_solution", lambda *_, **__: next(plans))
+        return made_of(mission, 450.0)
 
 
 def test_every_failure_has_its_row(made):
@@ -227,3 +256,93 @@ def test_an_engine_of_its_burn_is_lost():
 def test_a_plan_of_arcs_has_no_map():
     with pytest.raises(UnfitMethod, match="expected only the last arc to be"):
         MapMaker(MapSettings(load_mission("delta_iii_coast"), "peg", 60.0))
+
+
+# ---- from the pad
+
+
+def test_failures_from_the_pad_begin_at_lift_off(from_pad):
+    for row in from_pad.rows[:2]:
+        assert [point.at_s for point in row.points] == [450.0 * k for k in range(3)]
+    stuck = from_pad.rows[-1]
+    assert (stuck.name, [point.at_s for point in stuck.points]) == ("jettison stuck", [75.2, 150.4])
+
+
+def test_the_optima_from_the_pad_know_of_the_air(from_pad):
+    # the published optimum; without the air it is 8,206 kg
+    assert from_pad.nominal.m_f_kg == pytest.approx(7529.712, abs=0.01)
+    test_who_knows_more_does_no_worse(from_pad)
+    weak = from_pad.rows[0].points[0]
+    assert weak.failure.thrust_ratio == 0.9
+    # at lift-off both know as much
+    assert weak.told.lacking_m_s == pytest.approx(weak.optimum.lacking_m_s, abs=0.1)
+
+
+def test_guidance_from_the_pad_is_near_the_optimizer_that_was_told(from_pad):
+    share = from_pad.shares(told=True)["all"]
+    assert share.count >= 0.9 * share.of
+    late = [p for p in from_pad.points if p.at_s >= 300.0 and p.told.end is End.TARGET]
+    assert late
+    assert all(p.flown.m_f_kg == pytest.approx(p.told.m_f_kg, rel=1e-3) for p in late)
+
+
+def test_where_no_flight_is_found_the_map_says_so(from_pad):
+    nowhere = [point for point in from_pad.points if math.isnan(point.told.m_f_kg)]
+    assert from_pad.to_json()["unfound"] == len(nowhere) > 0
+    assert all(point.flown.end is End.SUBORBITAL for point in nowhere)
+
+
+def test_the_optimum_in_the_air_is_that_of_collocation(planned):
+    mission, plan = planned
+    optimizer = Optimizer(mission, Judge(mission), plan_in_air(mission, plan))
+    lost = Failure(FailureKind.ENGINE_OUT, 50.0, thrust_ratio=8 / 9)
+    start = mission.start().navigation()
+    known = foreknown(mission.arrays(), start, lost)
+    other = solve(known.arrays, "collocation", state=start)
+    assert optimizer.knew(lost).m_f_kg == pytest.approx(other.m_f_kg, rel=1e-6)
+
+
+def test_a_limit_of_the_dynamic_pressure_is_no_hindrance():
+    mission = load_mission(TEMPLATE)
+    plan = solve(mission, "auto")
+    optimizer = Optimizer(mission, Judge(mission), plan_in_air(mission, plan))
+    assert optimizer.nominal.m_f_kg == pytest.approx(plan.m_f_kg, rel=1e-4)
+    reached = optimizer.knew(Failure(FailureKind.THRUST_LOW, 60.0, thrust_ratio=0.9))
+    assert reached.end is End.TARGET
+    assert reached.m_f_kg < plan.m_f_kg
+
+
+def test_a_map_whose_optimum_is_not_the_plan_is_refused(planned, monkeypatch):
+    mission, plan = planned
+    heavy = dataclasses.replace(plan, m_f_kg=1.001 * plan.m_f_kg)
+    monkeypatch.setattr(abort_map, "plan_solution", lambda *_, **__: heavy)
+    with pytest.raises(OptimizerError, match=r"comes to 7,529.7 kg and the plan to 7,537.2 kg"):
+        made_of(mission, 500.0)
+
+
+def test_what_the_optimizer_in_the_air_does_not_steer_is_refused(planned):
+    with pytest.raises(UnfitMethod, match="programme is given; expected none"):
+        plan_in_air(load_mission("saturn_v_as506_flown"), planned[1])
+    _, text = read_mission("delta_iii_pad")
+    burn = "    burn_time_s: 261.0\n"
+    held = parse_mission(text.replace(burn, burn + "    attitude: held\n"), "held.yaml")
+    with pytest.raises(UnfitMethod, match="arc 0 has attitude: held; expected guided"):
+        plan_in_air(held, planned[1])
+
+
+def test_of_two_lowered_targets_the_nearer_is_better():
+    one = Reached(End.LOWERED, 100.0, 500.0, 10.0, 2e5, 3e5)
+    nearer = dataclasses.replace(one, m_f_kg=90.0, lacking_m_s=5.0)
+    assert better(one, nearer) is better(nearer, one) is nearer
+    heavier = dataclasses.replace(one, m_f_kg=101.0, lacking_m_s=10.5)
+    assert better(one, heavier) is better(heavier, one) is heavier
+
+
+def test_a_point_whose_optimizer_missed_a_flight_is_wrong(from_pad):
+    point = next(p for p in from_pad.points if p.told.end is p.flown.end is End.TARGET)
+    lost = dataclasses.replace(point, optimum=NOWHERE, flown=NOWHERE)
+    assert lost.wrong.startswith("the optimizer that was told came to target, which")
+    low = dataclasses.replace(point.told, end=End.LOWERED, lacking_m_s=20.0)
+    lower = dataclasses.replace(low, lacking_m_s=50.0)
+    further = dataclasses.replace(point, optimum=lower, told=low, flown=lower)
+    assert further.wrong.endswith("came 30.0 m/s nearer than the optimizer that knew found")

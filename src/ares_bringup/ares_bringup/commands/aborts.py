@@ -14,12 +14,10 @@ from ares_bringup.options import CannotStart, refusal, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, shown_path
 from ares_bringup.whole_file import write_whole
-from ares_guidance.laws import check_law
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.foreknown import begin_times
 from ares_studies.aborts.abort_map import AbortMap, MapMaker, MapSettings, Share
 from ares_studies.aborts.report import ENDS, make_report, render
-from ares_studies.closed_loop import arc_plan
 
 EXIT_MADE = 0
 EXIT_POINTS_FAILED = 1
@@ -51,16 +49,10 @@ class AbortOptions:
         """
         mission: Mission | None = None
         try:
-            law = self_starting(self.guidance)
+            self_starting(self.guidance)
             mission = load_mission(self.mission)
             # refuses a mission whose failures have no time
             begin_times(mission.arrays(), mission.start().time_s)
-            check_law(
-                self.guidance,
-                mission.arrays(foreseen=True),
-                mission.start().navigation(),
-                None if mission.plans_arcs else arc_plan(mission, law),
-            )
         except ValueError as error:
             raise refusal(error, mission) from error
         return MapSettings(mission, self.guidance, self.step_s)
@@ -148,6 +140,11 @@ def _print(made: AbortMap, out: Console) -> None:
         out.print(
             f"of {fall.of:,} flights to no orbit {fall.count:,} fall outside all "
             f"{len(made.areas)} areas, {_percent(fall)}"
+        )
+    if made.unfound:
+        out.print(
+            f"at {made.unfound:,} points the optimizer that was told found no flight above the "
+            "ground; they count as suborbital"
         )
     for point in made.wrong[:20]:
         out.print(f"failed: {point.failure.kind} at {point.at_s:g} s: {point.wrong}")

@@ -12,17 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_guidance.guess import ArcPlan
+from ares_guidance.laws import check_law, find_law
 from ares_models.arrays import NAVIGATION
 from ares_models.failures import Failure, FailureKind
 from ares_models.impacts import Outline, outlines
 from ares_models.judge import End
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
+from ares_models.plans import flies_in_air
 from ares_models.tolerances import SAME_SPEED_M_S
+from ares_optimizer.foreknown import begin_times
+from ares_optimizer.solution import OptimizerError, Solution
 from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
-from ares_studies.aborts.optimum import Optimizer
+from ares_studies.aborts.optimum import Optimizer, plan_in_air
 from ares_studies.aborts.rows import FailureRow, failure_rows
-from ares_studies.closed_loop import fly_compiled, ready_law
+from ares_studies.closed_loop import fly_compiled, offline_trajectory, plan_solution, ready_law
 from ares_studies.montecarlo.engines import cores
 from ares_vehicle_sim.arrays import IMPACT
 from ares_vehicle_sim.simulator import Simulator
@@ -99,13 +104,34 @@ class AbortPoint:
         """Return why the point is implausible; "" if it is not."""
         if self.error:
             return self.error
-        for name, best in (("knew", self.optimum), ("was told", self.told)):
-            if self.flown.end.rank < best.end.rank:
-                return f"flown to {self.flown.end}, which the optimizer that {name} did not find"
-            heavier = self.flown.m_f_kg / best.m_f_kg - 1.0
-            if self.flown.end is End.TARGET is best.end and heavier > _ROUNDING:
-                return f"flown {100 * heavier:.3f} % heavier than the optimizer that {name} found"
+        for way, found, name, best in (
+            ("flown", self.flown, "knew", self.optimum),
+            ("flown", self.flown, "was told", self.told),
+            ("the optimizer that was told came", self.told, "knew", self.optimum),
+        ):
+            if found.end.rank < best.end.rank:
+                return f"{way} to {found.end}, which the optimizer that {name} did not find"
+            heavier = found.m_f_kg / best.m_f_kg - 1.0
+            if found.end is End.TARGET is best.end and heavier > _ROUNDING:
+                return f"{way} {100 * heavier:.3f} % heavier than the optimizer that {name} found"
+            nearer = best.lacking_m_s - found.lacking_m_s
+            if found.end is End.LOWERED is best.end and nearer > SAME_SPEED_M_S:
+                return f"{way} {nearer:.1f} m/s nearer than the optimizer that {name} found"
         return ""
+
+
+def _check_same(nominal_kg: float, planned_kg: float) -> None:
+    """Check that the optimizers of the map find the plan where nothing fails.
+
+    Raises:
+        OptimizerError: they do not.
+    """
+    if not abs(nominal_kg / planned_kg - 1.0) <= _ROUNDING:
+        raise OptimizerError(
+            f"without a failure the optimizer of the map comes to {nominal_kg:,.1f} kg and the "
+            f"plan to {planned_kg:,.1f} kg; expected the same within {100 * _ROUNDING:g} %. It "
+            "keeps no limit of the dynamic pressure (max_dynamic_pressure_pa)"
+        )
 
 
 def _as_good(flown: Reached, best: Reached) -> bool:
@@ -175,6 +201,11 @@ class AbortMap:
         return [point for point in self.points if point.wrong]
 
     @property
+    def unfound(self) -> int:
+        """Return the number of points at which the optimizer that was told found no flight."""
+        return sum(not point.error and math.isnan(point.told.m_f_kg) for point in self.points)
+
+    @property
     def outside(self) -> Share:
         """Return the share of suborbital flights that fall outside all areas."""
         fallen = [point for point in self.points if point.flown.falls]
@@ -214,6 +245,7 @@ class AbortMap:
             "nominal": _told(self.nominal),
             "points": len(self.points),
             "wrong": len(self.wrong),
+            "unfound": self.unfound,
             "within": {name: vars(share) for name, share in self.shares().items()},
             "within_told": {name: vars(share) for name, share in self.shares(told=True).items()},
             "near": sum(point.near for point in self.points),
@@ -289,10 +321,10 @@ class MapSettings:
     step_s: float
 
 
-def _flown_way(mission: Mission, law: str) -> NDArray[np.void]:
+def _flown_way(mission: Mission, law: str, plan: ArcPlan | None = None) -> NDArray[np.void]:
     """Return the navigation states of the flight without failure, shape (n,), dtype NAVIGATION."""
     simulator = Simulator(mission)
-    guidance = ready_law(mission, law)
+    guidance = ready_law(mission, law, plan=plan)
     states = []
     while not simulator.complete:
         states.append(simulator.navigation.copy())
@@ -321,14 +353,40 @@ class MapMaker:
         self._settings = settings
         self._mission = settings.mission
         self._judge = Judge(self._mission)
-        optimizer = Optimizer(self._mission, self._judge)
+        # raises if the failures of the mission have no time
+        begin_times(self._mission.arrays(), self._mission.start().time_s)
+        plan = self._solve_plan()
+        self._in_air = None
+        if plan is not None and flies_in_air(self._mission.arrays().arcs):
+            self._in_air = plan_in_air(self._mission, plan)
+        optimizer = self._optimizer()
         self._nominal = optimizer.nominal
+        if self._in_air is not None and plan is not None:
+            _check_same(self._nominal.m_f_kg, plan.m_f_kg)
         self._rows = failure_rows(
             self._mission, optimizer.cutoff_s, optimizer.drops_s, settings.step_s
         )
-        self._way = _flown_way(self._mission, settings.law)
+        self._way = _flown_way(self._mission, settings.law, self._plan)
         self._own = threading.local()
         self._points: dict[tuple[int, int], AbortPoint] = {}
+
+    def _solve_plan(self) -> Solution | None:
+        """Solve for the plan that all flights follow, if they need one, and check the law with it.
+
+        Raises:
+            ValueError: there is no plan, or the law finds no way; one line.
+        """
+        mission, name = self._mission, self._settings.law
+        arrays, solution = mission.arrays(foreseen=True), None
+        self._plan = None
+        if mission.needs_plan:
+            solution = plan_solution(mission, find_law(name), verify=flies_in_air(arrays.arcs))
+            self._plan = offline_trajectory(solution).arc_plan(arrays)
+        check_law(name, arrays, mission.start().navigation(), self._plan)
+        return solution
+
+    def _optimizer(self) -> Optimizer:
+        return Optimizer(self._mission, self._judge, self._in_air)
 
     @property
     def count(self) -> int:
@@ -367,7 +425,7 @@ class MapMaker:
         i, which = part
         row = self._rows[i]
         if not hasattr(self._own, "optimizer"):
-            self._own.optimizer = Optimizer(self._mission, self._judge)
+            self._own.optimizer = self._optimizer()
         optimizer: Optimizer = self._own.optimizer
         optimizer.forget()
         numbers = range(which.start, which.stop)
@@ -381,9 +439,10 @@ class MapMaker:
     def _point(self, optimizer: Optimizer, row: FailureRow, k: int) -> AbortPoint:
         failure, at_s = row.failures[k], row.at_s[k]
         try:
-            optimum = optimizer.knew(failure)
-            told = optimizer.told(failure, self._state_before(failure, at_s))
-            return self._whether_dear(AbortPoint(at_s, failure, optimum, told, self._fly(failure)))
+            optimum, flown = optimizer.knew(failure), self._fly(failure)
+            # where no thrust is left nothing better can be told
+            told = optimizer.told(failure, self._state_before(failure, at_s)) or flown
+            return self._whether_dear(AbortPoint(at_s, failure, optimum, told, flown))
         except ValueError as problem:
             error = " ".join(str(problem).split())
             return AbortPoint(at_s, failure, NOWHERE, NOWHERE, NOWHERE, error)
@@ -394,7 +453,7 @@ class MapMaker:
             return point
         failure = point.failure
         optimum = better(point.optimum, optimizer.knew(failure))
-        told = optimizer.told(failure, self._state_before(failure, point.at_s))
+        told = optimizer.told(failure, self._state_before(failure, point.at_s)) or point.told
         told = better(point.exact or point.told, told)
         return self._whether_dear(replace(point, optimum=optimum, told=told, exact=None))
 
@@ -417,7 +476,8 @@ class MapMaker:
         return self._way[i : i + 1]
 
     def _fly(self, failure: Failure) -> Reached:
-        flight = fly_compiled(self._mission, law=self._settings.law, failure=failure)
+        law = ready_law(self._mission, self._settings.law, plan=self._plan)
+        flight = fly_compiled(self._mission, law=law, failure=failure)
         plant = flight.plant
         met_ground = bool((flight.events["type"] == IMPACT).any())
         return self._judge.judge(

@@ -11,7 +11,7 @@ from ares_models.geodesy import geodetic
 from ares_models.impacts import find_impact
 from ares_models.judge import End, judge, left_on
 from ares_models.mission import Mission
-from ares_models.tolerances import SAFE_PERIGEE_M
+from ares_models.tolerances import SAFE_PERIGEE_M, SAME_SPEED_M_S
 
 Array = NDArray[np.float64]
 
@@ -54,9 +54,11 @@ NOWHERE = Reached(End.SUBORBITAL, math.nan, math.nan, math.nan, math.nan, math.n
 
 
 def better(one: Reached, other: Reached) -> Reached:
-    """Return the better of two ends, by kind and then by mass."""
+    """Return the better of two ends, by kind, then by how far a target is lowered, then by mass."""
     if one.end is not other.end:
         return min(one, other, key=lambda reached: reached.end.rank)
+    if one.end is End.LOWERED and abs(one.lacking_m_s - other.lacking_m_s) > SAME_SPEED_M_S:
+        return min(one, other, key=lambda reached: reached.lacking_m_s)
     return other if other.m_f_kg > one.m_f_kg else one
 
 
@@ -123,9 +125,10 @@ class Judge:
             left_on(jettisoned, self._jettisons),
         )
 
-    def meets_ground(self, time_s: Array, position: Array) -> bool:
-        """Tell whether a trajectory, shape (n,) and (n, 3), goes below the ground."""
-        return bool(geodetic(time_s, position, self._earth).height_m.min() < 0.0)
+    def heights_m(self, time_s: Array, position: Array) -> Array:
+        """Return the heights of a trajectory, shape (n,) and (n, 3), above the ground."""
+        heights: Array = geodetic(time_s, position, self._earth).height_m
+        return heights
 
     def _impact(
         self, position: Array, velocity: Array, time_s: float

@@ -3,11 +3,12 @@
 
 The flight with a failure one second earlier is nearly the same: each optimum is the initial guess
 of the next. A target out of reach of the propellant is lowered until it is reached: the speed taken
-off is the unknown of an outer iteration.
+off is the unknown of an outer iteration. From the pad the first guess is the plan of collocation,
+and the forces of the air are part of the two-point problem.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,24 +25,30 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.failures import Failure
+from ares_models.floors import edge_of_air
 from ares_models.judge import End
 from ares_models.mission import Mission
-from ares_optimizer.foreknown import Foreknown, begin_times, foreknown
+from ares_models.plans import flies_in_air
+from ares_models.tolerances import ROUNDING_M
+from ares_optimizer.foreknown import Foreknown, begin_times
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solve import solve_indirect
-from ares_optimizer.indirect.solver import TwoPointSolver
+from ares_optimizer.indirect.solver import TwoPointOptions, TwoPointSolver
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     begin_mass,
     propellant_used,
     segment_mass,
 )
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
+from ares_optimizer.solve import solve
 from ares_optimizer.two_point.arrays import LAMBDA_R, PRIMER
-from ares_studies.aborts.ends import NOWHERE, Judge, Reached
+from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
+from ares_studies.aborts.partial import partly
 
 Array = NDArray[np.float64]
 
+_NO_NOMINAL = "without a failure no optimum was found that reaches the target"
 #: Burn time beyond its end, s, that counts as zero.
 _SAME_END_S = 1e-3
 #: Outer iteration: most rounds, largest step, m/s, most halvings of a step.
@@ -54,6 +61,13 @@ _TAKEN_WHOLE = 1e-3
 _LOOK_S = 5.0
 #: Consecutive points without an optimum after which the thorough search is skipped.
 _PATIENCE = 3
+#: Most steps of the integrator in one search in the air, per second of the flight: those of some 30
+#: iterations, tenths of a second of computing.
+_STEPS_IN_AIR = 100
+#: First and least share of a failure by which a track is moved towards it.
+_FIRST_SHARE, _LEAST_SHARE = 0.25, 0.004
+#: Largest turn of the thrust, rad, and change of the target, m/s, in one such step.
+_LONGEST_TURN, _MOST_OFF_M_S = 0.3, 600.0
 
 
 @dataclass(frozen=True)
@@ -97,40 +111,105 @@ class _Track:
 
 @dataclass
 class _Family:
-    """Hold the continuations of one start state: to the target, to a safe orbit."""
+    """Hold the continuations of one start state.
+
+    Attributes:
+        lowered, safe: to the target, and to a safe orbit.
+        lost: consecutive points at which the first was lost.
+    """
 
     lowered: _Track
     safe: _Track
+    lost: int = 0
+
+
+def _without_pressure_limits(arrays: MissionArrays) -> MissionArrays:
+    """Return a mission without limits of the dynamic pressure: the two-point problem keeps none."""
+    arcs = arrays.arcs.copy()
+    arcs["max_dynamic_pressure"] = math.inf
+    free: MissionArrays = arrays._replace(arcs=arcs)
+    return free
+
+
+def plan_in_air(mission: Mission, plan: Solution) -> Solution:
+    """Return a plan with costates, of a flight that keeps no limit of the dynamic pressure.
+
+    Args:
+        mission: in the air.
+        plan: of the mission.
+
+    Raises:
+        UnfitMethod: the mission has a programme of its own, or a burn in held attitude.
+    """
+    arrays = mission.arrays()
+    held = np.flatnonzero(arrays.arcs["held"])
+    if held.size:
+        raise UnfitMethod(
+            f"arc {held[0]} has attitude: held; expected guided, since the optimizers of the map "
+            "steer all of a flight in the air"
+        )
+    if arrays.environment[0]["boost"]["knots"] > 0:
+        raise UnfitMethod(
+            "programme is given; expected none, since the optimizers of the map steer all of a "
+            "flight in the air"
+        )
+    if not np.isfinite(arrays.arcs["max_dynamic_pressure"]).any():
+        return plan
+    start = mission.start().navigation()
+    return solve(_without_pressure_limits(arrays), "auto", state=start)
 
 
 class Optimizer:
     """Find the best ends of one mission, for failures in consecutive order."""
 
-    def __init__(self, mission: Mission, judge: Judge):
+    def __init__(self, mission: Mission, judge: Judge, plan: Solution | None = None):
         """Solve for the optimum without failure.
 
         Args:
             mission: only its last arc is free.
             judge: of its ends.
+            plan: of a mission in the air, of :func:`plan_in_air`.
 
         Raises:
             OptimizerError: there is none, or another arc is free.
         """
         self._judge = judge
         self._start = mission.start().navigation()
-        self._arrays = mission.arrays()
+        self._arrays = _without_pressure_limits(mission.arrays())
         # raises if the failures of the mission have no time
         begin_times(self._arrays, float(self._start["time"][0]))
+        self._options = TwoPointOptions()
+        self._edge_of_air_m = edge_of_air(self._arrays)
+        guess = None
+        if flies_in_air(self._arrays.arcs):
+            guess = None if plan is None else plan.parameters
+            if guess is None:
+                raise OptimizerError(_NO_NOMINAL)
+            steps = math.ceil(_STEPS_IN_AIR * float(guess[COLUMN_CUTOFF]))
+            self._options = TwoPointOptions(in_air=True, max_steps=steps)
         whole = Foreknown(self._arrays, math.inf)
-        flown = self._solve(whole, self._start, None, thorough=True)
+        flown = self._solve(whole, self._start, guess, thorough=guess is None)
+        flown = self._above_ground(whole, self._start, flown)
         if flown is None or flown.over_s > _SAME_END_S:
-            raise OptimizerError("without a failure no optimum was found that reaches the target")
+            raise OptimizerError(_NO_NOMINAL)
         self._whole = flown
         self.nominal = self._told(flown)
-        solution = solve_indirect(self._arrays, self._start, guess=flown.unknowns, verify=False)
-        self.drops_s = solution.jettison_times_s
-        self._costates = TwoPointSolver(self._arrays).sample(self._start, flown.unknowns)
+        if plan is None:
+            plan = solve_indirect(self._arrays, self._start, guess=flown.unknowns, verify=False)
+        self.drops_s = plan.jettison_times_s
+        self._costates = self._solver(whole).sample(self._start, flown.unknowns)
         self.forget()
+
+    def _solver(self, known: Foreknown) -> TwoPointSolver:
+        options = self._options
+        if options.in_air:
+            # a tail-off in the air would have no thrust
+            tails = np.flatnonzero(known.arrays.arcs["tail_knots"])
+            begins = begin_times(known.arrays, float(self._start["time"][0]))
+            options = replace(
+                options, air_end_s=float(begins[tails[0]]) if tails.size else math.inf
+            )
+        return TwoPointSolver(known.arrays, options)
 
     @property
     def cutoff_s(self) -> float:
@@ -152,11 +231,10 @@ class Optimizer:
         Raises:
             OptimizerError: the failure is impossible.
         """
-        known = foreknown(self._arrays, self._start, failure)
-        return self._best(known, self._start, self._knew)
+        return self._best(failure, self._known(failure), self._start, self._knew)
 
-    def told(self, failure: Failure, state: NDArray[np.void]) -> Reached:
-        """Solve for the best end with a failure known from a state on.
+    def told(self, failure: Failure, state: NDArray[np.void]) -> Reached | None:
+        """Solve for the best end with a failure known from a state on; None: no thrust is left.
 
         Args:
             failure: close to the previous one.
@@ -165,27 +243,35 @@ class Optimizer:
         Raises:
             OptimizerError: see :meth:`knew`.
         """
-        known = foreknown(self._arrays, self._start, failure)
-        row = state[0]
-        if row["arc"] >= len(known.arrays.arcs) or known.end_s <= row["time"] + _SAME_END_S:
-            # no thrust is left to steer
-            return self._judge.judge(
-                row["position"],
-                row["velocity"],
-                float(row["mass"]),
-                float(row["time"]),
-                int(row["jettisoned"]),
-            )
+        known = self._known(failure)
+        if math.isfinite(known.end_s):
+            return None
         family = self._told_late
         for track in (family.lowered, family.safe):
             if track.unknowns is None:
-                track.unknowns = self._on_the_way(float(row["time"]))
-        return self._best(known, state, family)
+                track.unknowns = self._on_the_way(float(state["time"][0]))
+        return self._best(failure, known, state, family)
+
+    def _known(self, failure: Failure) -> Foreknown:
+        """Return the mission with a failure."""
+        known = self._partly(failure, 1.0)
+        assert known is not None
+        return known
+
+    def _partly(self, failure: Failure, share: float) -> Foreknown | None:
+        """Return the mission with a share of a failure, see :func:`partly`."""
+        return partly(self._arrays, self._start, failure, share, self.cutoff_s)
 
     def _on_the_way(self, time_s: float) -> Array:
         """Return the unknowns of the flight without failure, from a time on."""
         i = int(np.searchsorted(self._costates[:, sample.TIME], time_s))
         row = self._costates[min(i, len(self._costates) - 1)]
+        if self._options.in_air and i > 0:
+            # there a guess of two seconds later is too far
+            before = self._costates[i - 1]
+            span = row[sample.TIME] - before[sample.TIME]
+            part = (time_s - before[sample.TIME]) / span if span > 0.0 else 1.0
+            row = before + min(part, 1.0) * (row - before)
         unknowns = self._whole.unknowns.copy()
         primer = row[sample.LAMBDA_V : sample.LAMBDA_V + 3]
         size = float(np.linalg.norm(primer))
@@ -193,18 +279,60 @@ class Optimizer:
         unknowns[LAMBDA_R] = row[sample.LAMBDA_R : sample.LAMBDA_R + 3] / size
         return unknowns
 
-    def _best(self, known: Foreknown, start: NDArray[np.void], family: _Family) -> Reached:
-        lowered = self._above_ground(known, start, self._lower(known, start, family.lowered))
+    def _sought(
+        self, failure: Failure, known: Foreknown, start: NDArray[np.void], family: _Family
+    ) -> _Flown | None:
+        """Solve for the target, lowered as far as the propellant requires; None if that fails.
+
+        In the air, where there are no built-in guesses to begin anew with, a track that is lost is
+        led there from the flight without the failure.
+        """
+        flown = self._lower(known, start, family.lowered)
+        if flown is None and self._options.in_air and family.lost < _PATIENCE:
+            family.lowered = self._led(failure, start)
+            flown = self._lower(known, start, family.lowered)
+        family.lost = family.lost + 1 if flown is None else 0
+        return flown
+
+    def _led(self, failure: Failure, start: NDArray[np.void]) -> _Track:
+        """Lead a track from the flight without a failure towards it, as far as it goes."""
+        track = _Track(self._on_the_way(float(start["time"][0])))
+        share, step = 0.0, _FIRST_SHARE
+        while share < 1.0 and step > _LEAST_SHARE:
+            further, trial = min(1.0, share + step), replace(track)
+            part = self._partly(failure, further)
+            if part is None:
+                break
+            if self._lower(part, start, trial) is None or not _is_next(trial, track):
+                step *= 0.5
+            else:
+                track, share = trial, further
+                step *= 2.0
+        return track
+
+    def _best(
+        self, failure: Failure, known: Foreknown, start: NDArray[np.void], family: _Family
+    ) -> Reached:
+        lowered = self._above_ground(known, start, self._sought(failure, known, start, family))
         reached = NOWHERE if lowered is None else self._told(lowered)
         if lowered is not None and reached.end is not End.SAFE_ORBIT:
             family.safe.unknowns = lowered.unknowns
         if reached.end in (End.TARGET, End.LOWERED):
             return reached
+        whole = known
         circle = known.arrays._replace(target=self._safe_target())
         known = known._replace(arrays=circle)
         safe = self._above_ground(known, start, self._attempt(known, start, family.safe))
-        if safe is not None and safe.over_s <= _SAME_END_S:
-            return self._told(safe)
+        if safe is None or safe.over_s > _SAME_END_S:
+            return reached
+        reached = self._told(safe)
+        if reached.end is End.LOWERED and safe.over_s < -_SAME_END_S:
+            # with propellant left the target is lowered less
+            track = _Track(safe.unknowns, reached.lacking_m_s)
+            raised = self._above_ground(whole, start, self._lower(whole, start, track))
+            if raised is not None:
+                family.lowered = track
+                reached = better(reached, self._told(raised))
         return reached
 
     def _above_ground(
@@ -212,13 +340,19 @@ class Optimizer:
     ) -> _Flown | None:
         """Return an extremal if it stays above the ground, else None.
 
-        The two-point problem has no ground.
+        The two-point problem has no ground. Nor has it air where :meth:`_solver` leaves it out:
+        there only an extremal above it counts.
         """
         if flown is None:
             return None
-        way = TwoPointSolver(known.arrays).sample(start, flown.unknowns, _LOOK_S)
-        places = way[:, sample.POSITION : sample.POSITION + 3]
-        return None if self._judge.meets_ground(way[:, sample.TIME], places) else flown
+        solver = self._solver(known)
+        way = solver.sample(start, flown.unknowns, _LOOK_S)
+        times = way[:, sample.TIME]
+        heights = self._judge.heights_m(times, way[:, sample.POSITION : sample.POSITION + 3])
+        above_air = heights[times >= float(solver.options["air_end"][0])]
+        if heights.min() < -ROUNDING_M or above_air.min(initial=math.inf) < self._edge_of_air_m:
+            return None
+        return flown
 
     def _told(self, flown: _Flown) -> Reached:
         return self._judge.judge(
@@ -277,7 +411,8 @@ class Optimizer:
     def _attempt(self, known: Foreknown, start: NDArray[np.void], track: _Track) -> _Flown | None:
         """Continue a track to the next optimum; None if it is lost."""
         flown = self._solve(known, start, track.unknowns)
-        if flown is None and track.in_vain < _PATIENCE:
+        if flown is None and track.in_vain < _PATIENCE and not self._options.in_air:
+            # the built-in guesses know of no air
             flown = self._solve(known, start, track.unknowns, thorough=True)
         if flown is None and math.isfinite(known.end_s):
             # a heating jettison may not come before the end
@@ -297,7 +432,7 @@ class Optimizer:
         *,
         thorough: bool = False,
     ) -> _Flown | None:
-        solver = TwoPointSolver(known.arrays)
+        solver = self._solver(known)
         if guess is not None:
             guess = self._fitting(guess, solver.size(start))
         root = solver.solve(start, guess, restart=thorough, thorough=thorough)
@@ -310,8 +445,17 @@ class Optimizer:
         """Fit a guess to the drops to come; take missing ones from the flight without failure."""
         fitting = np.zeros(size)
         fitting[: min(size, guess.size)] = guess[:size]
-        fitting[guess.size :] = self._whole.unknowns[guess.size : size]
+        if guess.size < size:
+            fitting[guess.size :] = self._whole.unknowns[guess.size : size]
         return fitting
+
+
+def _is_next(trial: _Track, track: _Track) -> bool:
+    """Tell whether an optimum is so near to the last one that it is no other extremal."""
+    assert trial.unknowns is not None
+    assert track.unknowns is not None
+    turn = float(np.linalg.norm(trial.unknowns[PRIMER] - track.unknowns[PRIMER]))
+    return turn < _LONGEST_TURN and abs(trial.off_m_s - track.off_m_s) < _MOST_OFF_M_S
 
 
 def _flown(

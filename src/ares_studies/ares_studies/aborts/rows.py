@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import BURN
 from ares_models.failures import Failure, FailureKind
 from ares_models.mission import Mission
+from ares_models.plans import flies_in_air
 from ares_optimizer.foreknown import begin_times, burning_at
 
 #: Remaining fractions of thrust.
@@ -74,7 +75,9 @@ def failure_rows(
     """
     arrays = mission.arrays()
     start_s = mission.start().time_s
-    first = math.floor(start_s / step_s) + 1
+    # of a flight from the pad the lift-off itself
+    earliest = start_s / step_s
+    first = math.ceil(earliest) if flies_in_air(arrays.arcs) else math.floor(earliest) + 1
     last = math.ceil(cutoff_s / step_s) - 1
     burning = [
         (float(t), burning_at(arrays, start_s, float(t)))
