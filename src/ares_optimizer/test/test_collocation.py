@@ -17,7 +17,8 @@ from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer import auto
 from ares_optimizer.collocation import report, rollout
-from ares_optimizer.collocation.carry import carried_point
+from ares_optimizer.collocation.arrays import COASTING
+from ares_optimizer.collocation.carry import carried_along_coasts, carried_point
 from ares_optimizer.collocation.guess import guess_of, trials
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import FoundOptimum, mass_of, times_of
@@ -478,6 +479,30 @@ def test_a_solution_on_coarse_intervals_is_nearly_one_on_finer_ones() -> None:
     assert again.solved
     assert again.iterations <= 8
     assert mass_of(finer, again) == pytest.approx(mass_of(program, point), rel=1e-4)
+
+
+def test_a_solution_is_a_good_guess_for_a_longer_coast() -> None:
+    program, guess = first_program(str(MISSIONS / "titan2_restart.yaml"))
+    deadline = Deadline(60.0)
+    (coast,) = np.flatnonzero(program.steering == COASTING)
+    at = program.lengths[coast]
+    program.lower[at] = program.upper[at] = guess[at]
+    point = solve_program(program, guess, deadline)
+    assert point.solved
+    # by an eighth of a revolution
+    longer = point.x[program.lengths].copy()
+    longer[coast] += 0.8
+    program.lower[at] = program.upper[at] = longer[coast]
+    begin = carried_along_coasts(program, point, longer)
+    rows = np.zeros(program.row_lower.size)
+    program.rows(begin.x, rows)
+    off = np.maximum(program.row_lower - rows, rows - program.row_upper)
+    assert off[[name == "target" for name in program.names]].max() < 1e-9
+    again = solve_program(program, begin, deadline)
+    assert again.solved
+    unturned = np.where(np.arange(program.size) == at, longer[coast], point.x)
+    by_itself = solve_program(program, replace(point, x=unturned), deadline)
+    assert again.iterations < 0.7 * by_itself.iterations
 
 
 def test_multipliers_are_not_carried_over_to_other_phases() -> None:

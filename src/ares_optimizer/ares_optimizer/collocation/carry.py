@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Carry a point of a program, with its multipliers, over to a program with other intervals."""
+"""Carry a point of a program, with its multipliers, over to other intervals or longer coasts."""
 
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from ares_optimizer.collocation.arrays import GUIDED, HELD_ATTITUDE
+from ares_models.kernels.kepler import kepler
+from ares_optimizer.collocation.arrays import COASTING, GUIDED, HELD_ATTITUDE
 from ares_optimizer.collocation.guess import node_times, variables_of_trial
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
@@ -213,3 +215,59 @@ def _carry_directions(here: _Layout, there: _Layout, point: StoppingPoint, out: 
         out[here.rows_of_directions(p)] = here.shares[wanted] * np.interp(
             at[wanted], then[known], density
         )
+
+
+def carried_along_coasts(
+    program: CollocationProgram, point: StoppingPoint, lengths: Array
+) -> StoppingPoint:
+    """Carry a solution over to other lengths of its coasts, on their Keplerian orbits.
+
+    What follows a coast turns with the position at its end, multipliers too: a target with a free
+    argument of perigee is still met.
+
+    Args:
+        program: that was solved.
+        point: its solution.
+        lengths: of all phases, scaled; those of burns count for nothing.
+    """
+    x, multipliers = point.x.copy(), point.multipliers.copy()
+    states = x[: 6 * program.nodes].reshape(-1, 6)
+    rows = multipliers[: 6 * len(program.points)].reshape(-1, 6)
+    nodes = program.points["node"] + program.points["number"]
+    turn = Rotation.identity()
+    for p, first in enumerate(program.first[:-1]):
+        own = np.flatnonzero(program.points["phase"] == p)
+        turns = Rotation.concatenate([turn] * len(own))
+        length = lengths[p]
+        if program.steering[p] == COASTING and length != x[program.lengths[p]]:
+            begin = tuple(states[first].tolist())
+            there = [
+                np.concatenate(kepler(begin[:3], begin[3:], length * share, 1.0))
+                for share in program.points["fraction"][own]
+            ]
+            turns = _turns_between(turns.apply(states[nodes[own], :3]), np.array(there)) * turns
+            turn = turns[-1]
+            states[nodes[own]] = there
+            x[program.lengths[p]] = length
+        else:
+            _turn_rows(turns, states, nodes[own])
+        _turn_rows(turns, rows, own)
+        if program.steering[p] == GUIDED:
+            at = program.control_of[p][:, None] + np.arange(3)
+            x[at] = turns.apply(x[at])
+    return replace(point, x=x, multipliers=multipliers)
+
+
+def _turns_between(old: Array, new: Array) -> Rotation:
+    """Return the rotations from positions, shape (n, 3), to those of states, shape (n, 6)."""
+    h = np.cross(new[0, :3], new[0, 3:])
+    axis = h / np.linalg.norm(h)
+    sine = np.cross(old, new[:, :3]) @ axis
+    angle = np.arctan2(sine, (old * new[:, :3]).sum(axis=1))
+    return Rotation.from_rotvec(angle[:, None] * axis)
+
+
+def _turn_rows(turns: Rotation, values: Array, rows: NDArray[np.int64]) -> None:
+    """Rotate position and velocity parts of some rows, shape (n, 6), in place."""
+    for part in (slice(0, 3), slice(3, 6)):
+        values[rows, part] = turns.apply(values[rows, part])

@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,11 @@ from ares_models.kernels.environment import altitude
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING
-from ares_optimizer.collocation.carry import carried_point, carried_variables
+from ares_optimizer.collocation.carry import (
+    carried_along_coasts,
+    carried_point,
+    carried_variables,
+)
 from ares_optimizer.collocation.guess import guess_of
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
@@ -31,6 +35,7 @@ from ares_optimizer.collocation.points import (
     worst_row,
 )
 from ares_optimizer.collocation.solver import (
+    GIVEN_UP,
     LOCALLY_INFEASIBLE,
     StoppingPoint,
     solve_program,
@@ -67,7 +72,7 @@ _GAINED = 1e-7
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
 #: The same from a solution on other intervals, with its multipliers.
-_MOST_WARM = 40
+_MOST_WARM = 30
 #: Depth below ground at which an arc without a floor gets one, m.
 _DEEP_M = 1.0
 #: Such a floor is so far below the start of the flight, m.
@@ -82,14 +87,18 @@ CORNER = 1e-6
 _STEP_COAST = 0.2
 _STEP_BURN = 0.2
 _STEP_BURN_S = 10.0
-#: Most iterations of such steps, most that fail, factor on the step after a failure and after one
-#: of few iterations, and the share of a step from which a length is held by it.
-_MOST_IN_STEPS = 300
+#: Most such steps that fail one after the other, factor on the step after a failure and after one
+#: of few iterations, greatest factor, and the share of a step from which a length is held by it.
 _MOST_FAILED = 2
 _SHRUNK = 0.35
 _GROWN = 2.0
 _FEW = 18
+_MOST_SCALE = 4.0
 _HELD = 0.98
+#: Most iterations of one solution in steps, of a start, and of a start when a solution is known.
+_MOST_IN_STEPS = 200
+_MOST_OF_START = 300
+_MOST_OF_OTHERS = 120
 #: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
 #: between them.
 _LIMIT_STEPS = (30.0, 2.0, 1.0)
@@ -148,6 +157,8 @@ class Search:
         self.idle = False
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
+        #: Number of iterations at which a start is given up.
+        self._most_iterations: float = math.inf
         #: Least factor on the pressure limits with which a flight was found where one failed, and
         #: if more of them were tried.
         self.limits_met = math.inf
@@ -201,6 +212,17 @@ class Search:
         if self.best is not None and trial.miss > _FAR_OFF:
             return
         self.starts += 1
+        most = _MOST_OF_START if self.best is None else _MOST_OF_OTHERS
+        self._most_iterations = self.iterations + most
+        found = self._found_from(trial)
+        self._most_iterations = math.inf
+        if found is not None and not self._underground(found):
+            self.keep(found)
+        elif found is not None:
+            self._unproven = True
+
+    def _found_from(self, trial: TrialFlight) -> FoundOptimum | None:
+        """Solve from a trial flight, with floors where it goes below the ground."""
         found = self._solved(trial)
         deep = self._without_floor() if found is None else self._underground(found)
         if deep:
@@ -210,10 +232,7 @@ class Search:
             self.floors += added
             self.added += added
             found = self._solved(trial)
-        if found is not None and not self._underground(found):
-            self.keep(found)
-        elif found is not None:
-            self._unproven = True
+        return found
 
     def _without_floor(self) -> list[int]:
         """Return the arcs without a floor if the start is near the ground, where searches sink."""
@@ -303,8 +322,7 @@ class Search:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
         The best length of a coast is a flat optimum: without that the solver takes steps of a
-        revolution, far from any flight. Beyond the air these are tried first, since they are fast
-        and lead to other optima too.
+        revolution, far from any flight. Each step begins with what follows the coast turned on.
 
         Args:
             program: the program.
@@ -314,33 +332,43 @@ class Search:
         lower, upper = program.lower.copy(), program.upper.copy()
         free = np.flatnonzero(lower[program.lengths] < upper[program.lengths])
         lengths, coasts = program.lengths[free], program.steering[free] == COASTING
-        if coasts.any() and not program.phases["in_air"].any():
-            point = self._solved_program(program, begin, mu)
-            if point.solved:
-                return point
-        failures, scale, most_in_all = 0, 1.0, self.iterations + _MOST_IN_STEPS
-        while coasts.any() and self.iterations < most_in_all:
-            at = (begin.x if isinstance(begin, StoppingPoint) else begin)[lengths]
+        if not coasts.any():
+            return self._solved_program(program, begin, mu)
+        failures, scale = 0, 1.0
+        most_in_all = min(self.iterations + _MOST_IN_STEPS, self._most_iterations)
+        held = np.zeros(len(free))
+        while True:
+            x = begin.x if isinstance(begin, StoppingPoint) else begin
+            at = x[lengths]
             burns = _STEP_BURN * at + _STEP_BURN_S / program.time
             most = scale * np.where(coasts, _STEP_COAST / program.pace[free], burns)
+            first, last = begin, held
+            if isinstance(begin, StoppingPoint) and held.any():
+                wanted = begin.x[program.lengths]
+                wanted[free] = np.clip(at + held * most, lower[lengths], upper[lengths])
+                first = carried_along_coasts(program, begin, wanted)
             program.lower[lengths] = np.maximum(lower[lengths], at - most)
             program.upper[lengths] = np.minimum(upper[lengths], at + most)
-            point = self._solved_program(program, begin, mu)
+            point = self._solved_program(program, first, mu)
             program.lower[:], program.upper[:] = lower, upper
-            if point.solved and (np.abs(point.x[lengths] - at) < _HELD * most).all():
+            moved = point.x[lengths] - at
+            held = np.sign(moved) * (np.abs(moved) >= _HELD * most)
+            if point.solved and not held.any():
                 return point
+            if self.iterations >= most_in_all:
+                return replace(point, status=GIVEN_UP)
             if point.solved:
                 begin, mu, failures = point, None, 0
-                scale *= _GROWN if point.iterations < _FEW else 1.0
+                scale = min(_GROWN * scale, _MOST_SCALE) if point.iterations < _FEW else scale
                 continue
             failures += 1
             if failures > _MOST_FAILED:
                 return point
             scale *= _SHRUNK
-            if isinstance(begin, StoppingPoint):
+            held = last
+            if isinstance(begin, StoppingPoint) and (failures > 1 or not held.any()):
                 # its multipliers may mislead
                 begin, mu = begin.x, CORNER
-        return self._solved_program(program, begin, mu)
 
     def _solved_program(
         self, program: CollocationProgram, begin: Array | StoppingPoint, mu: float | None

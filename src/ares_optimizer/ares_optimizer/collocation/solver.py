@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 SOLVED = 0
 ACCEPTABLE = 1
 LOCALLY_INFEASIBLE = 2
+#: Status of IPOPT where it had too many iterations.
+GIVEN_UP = -1
 
 _OPTIONS: dict[str, Any] = {
     "print_level": 0,
