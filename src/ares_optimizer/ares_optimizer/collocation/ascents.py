@@ -21,6 +21,7 @@ from ares_models.kernels.environment import altitude
 from ares_models.kernels.judging import judged_by
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
+    ROUND,
     ascents_to_park,
     in_turn,
     node_times,
@@ -36,13 +37,13 @@ from ares_optimizer.results import SAME_LENGTH, jettison_times
 
 #: Most first guesses of the ascent, of the rest of the flight alone, and of what follows an ascent.
 _MOST_ASCENTS = 3
-_MOST_RESTS = 4
+_MOST_RESTS = 2
 _MOST_AFTER = 4
 #: Most rests that are kept, and relative difference of lengths up to which two are alike.
 _MOST_KEPT = 2
 _ALIKE = 0.2
-#: Eccentricity from which a coast is tried to apogee.
-_ROUND = 0.01
+#: Share of the greatest final mass from which a flight must be tried.
+_NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
 _EASTWARD = 1.0 - 1e-7
 
@@ -75,21 +76,33 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     if plane_from_ground(arrays, start) is None:
         return
     pilot = Pilot(arrays, start, search.floors)
-    rests: list[list[TrialFlight]] = []
+    rests: list[tuple[float, TrialFlight]] = []
     coasts: list[Iterator[TrialFlight]] = []
     for alone in ascents_to_park(pilot):
         ascent = _best_ascent(search, alone) or _best_ascent(search, without_speed(alone))
         if ascent is not None:
-            rests.append(_with_best_rests(search, ascent))
+            rests += _with_best_rests(search, ascent)
             coasts.append(_with_coasts(search, ascent))
-    search.least_starts = sum(map(len, rests))
+    if rests:
+        best_kg, best = max(rests, key=lambda rest: rest[0])
+        search.least_starts = sum(mass > _NEARLY_BEST * best_kg for mass, _ in rests)
+
+        def rank(rest: tuple[float, TrialFlight]) -> tuple[bool, bool, float]:
+            alike = _are_alike(rest[1].times.lengths, best.times.lengths)
+            return rest[0] <= _NEARLY_BEST * best_kg, not alike, -rest[0]
+
+        # of lighter ones those first that will confirm the best
+        yield from (trial for _, trial in sorted(rests, key=rank))
     # in turn, since the first guesses of each are the likeliest
-    yield from in_turn([iter(each) for each in rests])
     yield from in_turn(coasts)
 
 
-def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[TrialFlight]:
-    """Return an ascent to its last burn, with the best flights from there as if without air."""
+def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, TrialFlight]]:
+    """Return an ascent to its last burn, with the best flights from there as if without air.
+
+    Returns:
+        final masses, kg, and flights.
+    """
     begin = _beginning(search.start, ascent, len(ascent.program.arrays.arcs) - 1)
     if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
         return []
@@ -99,19 +112,22 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[TrialFlight]:
     arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf
     arrays = search.arrays._replace(arcs=arcs)
     rest = Search(arrays, begin.after, floors_of(arrays, begin.after), search.request)
-    for trial in islice(trials(arrays, begin.after, rest.floors), _MOST_RESTS):
-        if rest.is_conclusive or search.request.deadline.passed:
+    following = list(islice(trials(arrays, begin.after, rest.floors), _MOST_RESTS))
+    # the second one is the transfer to the apogee of the target, if it is higher
+    for trial in reversed(following):
+        if search.request.deadline.passed:
             break
         rest.try_start(trial)
     search.iterations += rest.iterations
-    joined: list[TrialFlight] = []
+    joined: list[tuple[float, TrialFlight]] = []
     kept: list[Array] = []
     for optimum in rest.optima:
         if len(kept) < _MOST_KEPT and not any(_are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
             found = optimum.found
             times = times_of(found.program, found.point.x)
-            joined.append(_joined(search, begin, TrialFlight(times, _track_of(found), 0.0)))
+            trial = TrialFlight(times, _track_of(found), 0.0)
+            joined.append((found.m_f_kg, _joined(search, begin, trial)))
     return joined
 
 
@@ -168,7 +184,7 @@ def try_coast_to_apogee(search: Search) -> None:
     if best is None or not coasts or plane_from_ground(arrays, start) is None:
         return
     begin = _beginning(start, best, coasts[0])
-    if begin is None or Pilot(arrays, begin.after, search.floors).eccentricity < _ROUND:
+    if begin is None or Pilot(arrays, begin.after, search.floors).eccentricity < ROUND:
         return
     following = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
     trial = next(following, None)

@@ -70,14 +70,14 @@ _FAR = 1e-2
 _LIKELY = 2
 #: Eccentricity from which a coast to apogee is tried first after an ascent, and relative difference
 #: of lengths up to which two such flights are one.
-_ROUND = 0.01
+ROUND = 0.01
 _SAME_ARCS = 0.02
 #: Length of a burn, relative to the longest, below which it is not needed.
 _NEEDLESS = 0.01
 #: Fraction of the target's apogee at which a burn towards it ends.
 _APOGEE = 0.98
 #: Ratio of apogee to perigee from which a coast to apogee is tried.
-_HIGH = 1.05
+_HIGH = 1.01
 #: The same, from which the way by a circle is the likelier one.
 _HIGH_UP = 1.5
 #: Groups of a flight with one burn after its ascent; perigees above and below a parking orbit at
@@ -125,7 +125,7 @@ def trials(
     tried: set[tuple[float, ...]] = set()
     likely: list[_Begin] = []
     yielded: list[FreeTimes] = []
-    eccentric = vary_coasts and pilot.eccentricity > _ROUND
+    eccentric = vary_coasts and pilot.eccentricity > ROUND
     for begins, parts in _choices(pilot, coasts, eccentric):
         found = []
         for begin in likely if len(begins) > _LIKELY and likely else begins:
