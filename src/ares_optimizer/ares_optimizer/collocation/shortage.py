@@ -1,20 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Look for the propellant that the last stage of a mission is short of."""
 
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
 
 from ares_models.arrays import MissionArrays
+from ares_optimizer.collocation.ascents import trials_by_parking
 from ares_optimizer.collocation.guess import trials
+from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import MOST_STARTS, Search
 from ares_optimizer.solution import Cause, Status
 
 #: Propellant fraction of the last stage in the search.
 _MOST_PROPELLANT = 0.97
-#: Need over what there is from which no start will do.
+#: Need over what there is from which another local optimum will not do, and number of starts that
+#: must have led to the best one where it is less.
 _FAR_SHORT = 1.02
+_SURE = 3
 
 
 def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
@@ -33,11 +37,6 @@ class Shortage(NamedTuple):
     usable: float
 
     @property
-    def is_far(self) -> bool:
-        """Return true if no other local optimum will do with what there is."""
-        return self.burnt > _FAR_SHORT * self.usable
-
-    @property
     def cause(self) -> Cause:
         """Return the cause of a failed search."""
         return Cause(
@@ -50,29 +49,39 @@ class Shortage(NamedTuple):
 def short_of_propellant(search: Search) -> Shortage | None:
     """Return the shortfall of propellant of a search without solution; None if there is none known.
 
-    The search is repeated with more propellant in the last stage. A solution that needs no more
-    than the mission has goes to the search of the mission.
+    The search is repeated with more propellant in the last stage: there is a flight to find, which
+    is fast. A solution that needs no more than the mission has goes to the search of the mission.
     """
-    arrays = with_more_propellant(search.arrays)
+    arrays, start = with_more_propellant(search.arrays), search.start
     arcs = arrays.arcs
     last = arcs["stage"] == arcs[-1]["stage"]
     usable = float(search.arrays.arcs[-1]["propellant"])
     if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
         return None
-    more = Search(arrays, search.start, search.floors, search.request)
-    for trial in islice(trials(more.arrays, search.start, search.floors), MOST_STARTS):
-        if search.request.deadline.passed or more.is_conclusive:
+    more = Search(arrays, start, search.floors, search.request)
+    first_guesses = chain(trials_by_parking(more), trials(arrays, start, search.floors))
+    for trial in islice(first_guesses, MOST_STARTS):
+        if search.request.deadline.passed:
             break
+        if more.best is not None and more.is_conclusive:
+            far = _burnt_in(more.best) > _FAR_SHORT * usable
+            if far or more.again >= _SURE:
+                break
         more.try_start(trial)
     search.iterations += more.iterations
-    if more.best is None:
+    if more.best is None or (search.request.deadline.passed and not more.is_conclusive):
         return None
-    program, x = more.best.program, more.best.point.x
-    stages = arcs["stage"][program.segments["arc"]]
-    members = np.flatnonzero(stages == arcs[-1]["stage"])
-    burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
+    burnt = _burnt_in(more.best)
     if burnt <= usable:
         search.starts += more.starts
         search.keep(more.best)
         return None
     return Shortage(burnt, usable)
+
+
+def _burnt_in(found: FoundOptimum) -> float:
+    """Return the propellant of the last stage that a flight takes, kg."""
+    program, x = found.program, found.point.x
+    stages = program.arrays.arcs["stage"]
+    members = np.flatnonzero(stages[program.segments["arc"]] == stages[-1])
+    return program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())

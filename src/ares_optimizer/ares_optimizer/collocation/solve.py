@@ -22,7 +22,7 @@ from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Solution, UnfitMethod, failed
 
 #: Starts without a solution after which the propellant that one needs is looked for.
-_UNMET = 4
+_UNMET = 2
 
 
 def solve_collocation(request: Request, beat_kg: float | None = None) -> Solution:
@@ -54,7 +54,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     first_guesses = chain(trials_by_parking(search), trials(arrays, start, floors))
     short: Shortage | None = None
     for trial in islice(first_guesses, MOST_STARTS):
-        if request.deadline.passed or search.is_conclusive or (short and short.is_far):
+        if request.deadline.passed or search.is_conclusive or short:
             break
         search.try_start(trial)
         if search.starts == _UNMET and search.best is None and beat_kg is None:
@@ -63,10 +63,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     try_other_plane(search)
     if search.best is None and search.starts < _UNMET and beat_kg is None:
         short = short_of_propellant(search)
-    # a small shortage counts only once all starts were tried
-    cause = search.failure()
-    if short and (short.is_far or not request.deadline.passed):
-        cause = short.cause
+    cause = short.cause if short else search.failure()
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
