@@ -296,18 +296,20 @@ class Optimizer:
 
     def _led(self, failure: Failure, start: NDArray[np.void]) -> _Track:
         """Lead a track from the flight without a failure towards it, as far as it goes."""
-        track = _Track(self._on_the_way(float(start["time"][0])))
-        share, step = 0.0, _FIRST_SHARE
+        track = before = _Track(self._on_the_way(float(start["time"][0])))
+        share, step, last = 0.0, _FIRST_SHARE, math.inf
         while share < 1.0 and step > _LEAST_SHARE:
-            further, trial = min(1.0, share + step), replace(track)
+            further = min(1.0, share + step)
             part = self._partly(failure, further)
             if part is None:
                 break
+            trial = _extrapolated(before, track, (further - share) / last)
             if self._lower(part, start, trial) is None or not _is_next(trial, track):
                 step *= 0.5
-            else:
-                track, share = trial, further
-                step *= 2.0
+                continue
+            before, last = track, further - share
+            track, share = trial, further
+            step *= 2.0
         return track
 
     def _best(
@@ -456,6 +458,17 @@ def _is_next(trial: _Track, track: _Track) -> bool:
     assert track.unknowns is not None
     turn = float(np.linalg.norm(trial.unknowns[PRIMER] - track.unknowns[PRIMER]))
     return turn < _LONGEST_TURN and abs(trial.off_m_s - track.off_m_s) < _MOST_OFF_M_S
+
+
+def _extrapolated(before: _Track, track: _Track, times: float) -> _Track:
+    """Return a track moved on by so many times its last step."""
+    assert before.unknowns is not None
+    assert track.unknowns is not None
+    if before.unknowns.size != track.unknowns.size:
+        return replace(track)
+    unknowns = track.unknowns + times * (track.unknowns - before.unknowns)
+    unknowns[PRIMER] /= np.linalg.norm(unknowns[PRIMER])
+    return _Track(unknowns, max(0.0, track.off_m_s + times * (track.off_m_s - before.off_m_s)))
 
 
 def _flown(
