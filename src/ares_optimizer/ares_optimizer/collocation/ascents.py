@@ -126,7 +126,7 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
             kept.append(optimum.lengths)
             found = optimum.found
             times = times_of(found.program, found.point.x)
-            trial = TrialFlight(times, _track_of(found), 0.0)
+            trial = TrialFlight(times, _track_of(found), 0.0, met=optimum.met)
             joined.append((found.m_f_kg, _joined(search, begin, trial)))
     return joined
 
@@ -261,6 +261,7 @@ def _joined(search: Search, begin: Beginning, trial: TrialFlight) -> TrialFlight
         np.vstack((begin.track, trial.track)),
         trial.miss,
         limited=True,
+        met=trial.met,
     )
 
 

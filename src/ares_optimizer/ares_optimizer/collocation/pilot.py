@@ -69,6 +69,7 @@ class TrialFlight:
         miss: norm of the errors against target and floors, without unit.
         limited: it keeps the pressure limits.
         turned: it begins with a zero-lift turn, which keeps those of the angle of attack.
+        met: number of first guesses that led to it.
     """
 
     times: FreeTimes
@@ -76,6 +77,7 @@ class TrialFlight:
     miss: float
     limited: bool = False
     turned: bool = False
+    met: int = 1
 
 
 class Pilot:

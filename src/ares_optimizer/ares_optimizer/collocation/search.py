@@ -72,7 +72,7 @@ _GAINED = 1e-7
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
 #: The same from a solution on other intervals, with its multipliers.
-_MOST_WARM = 30
+_MOST_WARM = 40
 #: Depth below ground at which an arc without a floor gets one, m.
 _DEEP_M = 1.0
 #: Such a floor is so far below the start of the flight, m.
@@ -98,7 +98,7 @@ _HELD = 0.98
 #: Most iterations of one solution in steps, of a start, and of a start when a solution is known.
 _MOST_IN_STEPS = 200
 _MOST_OF_START = 300
-_MOST_OF_OTHERS = 120
+_MOST_OF_OTHERS = 200
 #: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
 #: between them.
 _LIMIT_STEPS = (30.0, 2.0, 1.0)
@@ -217,7 +217,7 @@ class Search:
         found = self._found_from(trial)
         self._most_iterations = math.inf
         if found is not None and not self._underground(found):
-            self.keep(found)
+            self.keep(found, trial.met)
         elif found is not None:
             self._unproven = True
 
@@ -411,17 +411,22 @@ class Search:
                 return FoundOptimum(program, point, mass_of(program, point))
         return None
 
-    def keep(self, found: FoundOptimum) -> None:
-        """Store a local optimum, or count it with a known one."""
+    def keep(self, found: FoundOptimum, met: int = 1) -> None:
+        """Store a local optimum, or count it with a known one.
+
+        Args:
+            found: the local optimum.
+            met: number of first guesses that led to it.
+        """
         lengths = times_of(found.program, found.point.x).lengths
         for optimum in self.optima:
             if optimum.holds(found, lengths):
-                optimum.met += 1
+                optimum.met += met
                 if found.m_f_kg > optimum.found.m_f_kg:
                     optimum.found, optimum.lengths = found, lengths
                 break
         else:
-            self.optima.append(LocalOptimum(found, lengths))
+            self.optima.append(LocalOptimum(found, lengths, met))
         self.optima.sort(key=lambda optimum: -optimum.found.m_f_kg)
 
     def failure(self) -> Cause:
