@@ -256,8 +256,9 @@ def verdict_of(
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")
     if propellant < _NOTHING_KG:
         return Cause(Status.CONVERGED, next_to_nothing(propellant))
-    # on fine intervals floors and limits hold between the coarse ones too, and the mass is less
-    if search.starts > 1 and search.led_to(proven.found.m_f_kg) < _LEAST_MET:
+    # on fine intervals, where floors and limits hold between the coarse ones too, the mass differs
+    met = max(search.again, search.led_to(proven.found.m_f_kg))
+    if search.starts > 1 and met < _LEAST_MET:
         return Cause(
             Status.FEASIBLE,
             f"only one of {search.starts} first guesses led here: there may be a better flight",

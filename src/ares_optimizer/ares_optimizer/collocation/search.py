@@ -95,6 +95,8 @@ _GROWN = 2.0
 _FEW = 18
 _MOST_SCALE = 4.0
 _HELD = 0.98
+#: Relative gain of mass by the next step that is next to nothing.
+_FLAT = 1e-5
 #: Most iterations of one solution in steps, of a start, and of a start when a solution is known.
 _MOST_IN_STEPS = 200
 _MOST_OF_START = 300
@@ -323,6 +325,8 @@ class Search:
 
         The best length of a coast is a flat optimum: without that the solver takes steps of a
         revolution, far from any flight. Each step begins with what follows the coast turned on.
+        A start that is given up keeps its last step if that is better than all known flights, or
+        if the next one would gain next to nothing; it is refined later.
 
         Args:
             program: the program.
@@ -337,6 +341,9 @@ class Search:
         failures, scale = 0, 1.0
         most_in_all = min(self.iterations + _MOST_IN_STEPS, self._most_iterations)
         held = np.zeros(len(free))
+        known: StoppingPoint | None = None
+        in_start, is_flat = math.isfinite(self._most_iterations), False
+        best_kg = self.best.m_f_kg if self.best is not None else math.inf
         while True:
             x = begin.x if isinstance(begin, StoppingPoint) else begin
             at = x[lengths]
@@ -355,15 +362,20 @@ class Search:
             held = np.sign(moved) * (np.abs(moved) >= _HELD * most)
             if point.solved and not held.any():
                 return point
-            if self.iterations >= most_in_all:
-                return replace(point, status=GIVEN_UP)
             if point.solved:
-                begin, mu, failures = point, None, 0
+                prices = np.abs(point.at_upper - point.at_lower)[lengths] * most / scale
+                is_flat = prices[held != 0.0].max() < _FLAT * point.x[program.ends[program.saving]]
+                known = begin = point
+                mu, failures = None, 0
                 scale = min(_GROWN * scale, _MOST_SCALE) if point.iterations < _FEW else scale
+            else:
+                failures += 1
+            if failures > _MOST_FAILED or self.iterations >= most_in_all:
+                if in_start and known and (is_flat or mass_of(program, known) > best_kg):
+                    return released(known, lengths)
+                return replace(point, status=GIVEN_UP)
+            if not failures:
                 continue
-            failures += 1
-            if failures > _MOST_FAILED:
-                return point
             scale *= _SHRUNK
             held = last
             if isinstance(begin, StoppingPoint) and (failures > 1 or not held.any()):
@@ -457,6 +469,13 @@ class Search:
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
+
+
+def released(point: StoppingPoint, lengths: NDArray[np.int64]) -> StoppingPoint:
+    """Return a solution without the multipliers of the bounds of some lengths, which are lifted."""
+    lower, upper = point.at_lower.copy(), point.at_upper.copy()
+    lower[lengths] = upper[lengths] = 0.0
+    return replace(point, at_lower=lower, at_upper=upper)
 
 
 def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:
