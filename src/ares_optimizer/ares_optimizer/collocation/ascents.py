@@ -9,7 +9,7 @@ air, and is flown by the constants of a trial flight.
 import math
 from collections.abc import Iterator
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +35,13 @@ from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.plan import free_arcs, last_begin
 from ares_optimizer.results import SAME_LENGTH, jettison_times
 
+#: Most starts of a search.
+_MOST_STARTS = 12
 #: Most first guesses of the ascent, of the rest of the flight alone, and of what follows an ascent.
 _MOST_ASCENTS = 3
 _MOST_RESTS = 2
 _MOST_AFTER = 4
-#: Most rests that are kept, and relative difference of lengths up to which two are alike.
-_MOST_KEPT = 2
+#: Relative difference of lengths up to which two rests are alike.
 _ALIKE = 0.2
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
@@ -64,6 +65,12 @@ class Beginning(NamedTuple):
     dropped: NDArray[np.bool_]
     track: Array
     after: NDArray[np.void]
+
+
+def first_guesses(search: Search) -> Iterator[TrialFlight]:
+    """Return the trial flights from which a search starts, by parking orbits first."""
+    others = trials(search.arrays, search.start, search.floors)
+    return islice(chain(trials_by_parking(search), others), _MOST_STARTS)
 
 
 def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
@@ -122,7 +129,7 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
     joined: list[tuple[float, TrialFlight]] = []
     kept: list[Array] = []
     for optimum in rest.optima:
-        if len(kept) < _MOST_KEPT and not any(_are_alike(optimum.lengths, each) for each in kept):
+        if not any(_are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
             found = optimum.found
             times = times_of(found.program, found.point.x)

@@ -60,8 +60,6 @@ _ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
 _FAILED = 1
-#: Most starts of a search.
-MOST_STARTS = 12
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
 #: Time by which an event is moved past another, s.

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Look for the propellant that the last stage of a mission is short of."""
 
-from itertools import chain, islice
 from typing import NamedTuple
 
 import numpy as np
 
 from ares_models.arrays import MissionArrays
-from ares_optimizer.collocation.ascents import trials_by_parking
-from ares_optimizer.collocation.guess import trials
+from ares_optimizer.collocation.ascents import first_guesses
 from ares_optimizer.collocation.points import FoundOptimum
-from ares_optimizer.collocation.search import MOST_STARTS, Search
+from ares_optimizer.collocation.search import Search
 from ares_optimizer.solution import Cause, Status
 
 #: Propellant fraction of the last stage in the search.
@@ -52,15 +50,14 @@ def short_of_propellant(search: Search) -> Shortage | None:
     The search is repeated with more propellant in the last stage: there is a flight to find, which
     is fast. A solution that needs no more than the mission has goes to the search of the mission.
     """
-    arrays, start = with_more_propellant(search.arrays), search.start
+    arrays = with_more_propellant(search.arrays)
     arcs = arrays.arcs
     last = arcs["stage"] == arcs[-1]["stage"]
     usable = float(search.arrays.arcs[-1]["propellant"])
     if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
         return None
-    more = Search(arrays, start, search.floors, search.request)
-    first_guesses = chain(trials_by_parking(more), trials(arrays, start, search.floors))
-    for trial in islice(first_guesses, MOST_STARTS):
+    more = Search(arrays, search.start, search.floors, search.request)
+    for trial in first_guesses(more):
         if search.request.deadline.passed:
             break
         if more.best is not None and more.is_conclusive:

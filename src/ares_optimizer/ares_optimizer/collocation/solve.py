@@ -3,20 +3,18 @@
 
 import time
 from dataclasses import replace
-from itertools import chain, islice
 
 from ares_models.arrays import HEATING_LIMIT, TIME_AFTER_IGNITION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation.ascents import (
-    trials_by_parking,
+    first_guesses,
     try_coast_to_apogee,
     try_other_plane,
 )
-from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
-from ares_optimizer.collocation.search import MOST_STARTS, Search
+from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.shortage import Shortage, short_of_propellant
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Solution, UnfitMethod, failed
@@ -51,9 +49,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         request = replace(request, verify=True)
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
-    first_guesses = chain(trials_by_parking(search), trials(arrays, start, floors))
     short: Shortage | None = None
-    for trial in islice(first_guesses, MOST_STARTS):
+    for trial in first_guesses(search):
         if request.deadline.passed or search.is_conclusive or short:
             break
         search.try_start(trial)

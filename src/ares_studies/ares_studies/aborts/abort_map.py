@@ -22,7 +22,6 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_models.tolerances import SAME_SPEED_M_S
-from ares_optimizer.foreknown import begin_times
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
 from ares_studies.aborts.optimum import Optimizer, plan_in_air
@@ -353,8 +352,6 @@ class MapMaker:
         self._settings = settings
         self._mission = settings.mission
         self._judge = Judge(self._mission)
-        # raises if the failures of the mission have no time
-        begin_times(self._mission.arrays(), self._mission.start().time_s)
         plan = self._solve_plan()
         self._in_air = None
         if plan is not None and flies_in_air(self._mission.arrays().arcs):
