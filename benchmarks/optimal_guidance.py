@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.optimal import solve_optimal
+from ares_guidance.kernels.laws.optimal import solve_optimal
 from ares_guidance.law import Law
 from ares_guidance.laws import make_law
 from ares_models.mission import Mission, load_mission

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ares_guidance.arrays import ERROR_PROPELLANT_SHORT, ERROR_TARGET_UNREACHABLE, PHASE_CUTOFF
-from ares_guidance.kernels.monitors import DEPLETION_S, most_iterations
+from ares_guidance.kernels.monitors.answers import DEPLETION_S, most_iterations
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import fly_compiled, ready_law

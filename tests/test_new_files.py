@@ -10,6 +10,7 @@ import pytest
 
 from ares_bringup.commands.cli import main
 from ares_guidance.laws import make_law
+from ares_guidance.plan import plan_of
 from ares_models.commented import commented
 from ares_models.input_file import read_input
 from ares_models.json_schema import json_schema
@@ -58,7 +59,7 @@ def test_it_is_the_template_and_arrives():
     optimum = solve(mission, "auto")
     assert optimum.converged
     arrays = mission.arrays(foreseen=True)
-    plan = offline_trajectory(optimum).arc_plan(arrays)
+    plan = plan_of(offline_trajectory(optimum), arrays)
     target = arrays.target[0]
     for name in ("peg", "optimal", "igm"):
         law = make_law(name, arrays)

@@ -153,10 +153,11 @@ def _check_start(rehearsal: _Rehearsal, law: str) -> None:
         ValueError: it finds none; one line, which names the laws that do.
     """
     from ares_guidance.laws import check_law
+    from ares_guidance.plan import plan_of
     from ares_studies.closed_loop import offline_trajectory
 
     arrays = rehearsal.mission.arrays(foreseen=True)
-    plan = offline_trajectory(rehearsal.plan).arc_plan(arrays)
+    plan = plan_of(offline_trajectory(rehearsal.plan), arrays)
     check_law(law, arrays, rehearsal.mission.start().navigation(), plan)
 
 

@@ -2,12 +2,12 @@
 """Coasts of a plan: the floors they keep, and the burns whose end a leg holds because of them."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.floor import lowest_altitude
+from ares_guidance.kernels.plans.floor import lowest_altitude
+from ares_guidance.trajectory import SAME_TIME, OfflineTrajectory
 from ares_models.arrays import BURN, COAST, NAVIGATION, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude
@@ -15,13 +15,8 @@ from ares_models.orbits import Elements, Insertion
 from ares_models.plans import LONG_COAST_S
 from ares_models.tolerances import FLOOR_M
 
-if TYPE_CHECKING:
-    from ares_guidance.guess import OfflineTrajectory
-
 Array = NDArray[np.float64]
 
-#: Largest time difference between a sample and the start or end of its arc, s.
-SAME_TIME = 0.01
 #: Lowest altitude of a flight, m.
 GROUND = 0.0
 #: Clearance above a floor that the plan touches, m; a law meets its target to about a metre.
@@ -32,14 +27,14 @@ LEAST_GAIN = 0.5
 DIP = 1e3
 
 
-def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tuple[int, float]]:
+def _lowest(trajectory: OfflineTrajectory, arrays: MissionArrays) -> list[tuple[int, float]]:
     """Return index and lowest altitude, m, of each arc of a trajectory."""
     return [
         (
-            int(k),
+            k,
             lowest_altitude(
                 begin - SAME_TIME,
-                float(end),
+                end,
                 bool(arrays.arcs["kind"][k] == COAST),
                 trajectory.sample_time,
                 trajectory.sample_position,
@@ -47,16 +42,11 @@ def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tupl
                 arrays.environment,
             ),
         )
-        for k, begin, end in zip(
-            trajectory.flown_arc,
-            trajectory.flown_start_time,
-            trajectory.flown_end_time,
-            strict=True,
-        )
+        for k, begin, end in trajectory.flown()
     ]
 
 
-def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> float:
+def lowest_coast(trajectory: OfflineTrajectory, arrays: MissionArrays) -> float:
     """Return the lowest altitude of the long coasts after the first burn, m; inf without one.
 
     A coast of LONG_COAST_S at most is between two stages, on the way up, and has no perigee.
@@ -67,16 +57,17 @@ def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> floa
     """
     coasting = arrays.arcs["kind"] == COAST
     first = int(np.argmin(coasting))
-    lengths = trajectory.flown_end_time - trajectory.flown_start_time
     coasts = [
         at
-        for (k, at), length in zip(_lowest(trajectory, arrays), lengths, strict=True)
-        if coasting[k] and k > first and length > LONG_COAST_S
+        for (k, at), (_, begin, end) in zip(
+            _lowest(trajectory, arrays), trajectory.flown(), strict=True
+        )
+        if coasting[k] and k > first and end - begin > LONG_COAST_S
     ]
     return min(coasts, default=math.inf)
 
 
-def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
+def check_floor(trajectory: OfflineTrajectory, arrays: MissionArrays) -> None:
     """Check that a trajectory stays above the ground.
 
     Args:
@@ -94,7 +85,7 @@ def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
         )
 
 
-def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
+def held_burns(trajectory: OfflineTrajectory, arrays: MissionArrays) -> dict[int, float]:
     """Return the burns whose end a leg holds, with the lift of these ends, m.
 
     They are the burns before coasts that are long or touch their floor: a law that aims beyond
@@ -106,13 +97,7 @@ def held_burns(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[i
         arrays: the mission.
     """
     arcs = arrays.arcs
-    lengths = dict(
-        zip(
-            map(int, trajectory.flown_arc),
-            trajectory.flown_end_time - trajectory.flown_start_time,
-            strict=True,
-        )
-    )
+    lengths = {k: end - begin for k, begin, end in trajectory.flown()}
     lifts: dict[int, float] = {}
     for k, length in lengths.items():
         burn = _burn_before(arcs, k)
@@ -171,15 +156,13 @@ def _burn_before(arcs: NDArray[np.void], k: int) -> int:
     return int(burns[-1]) if len(burns) else -1
 
 
-def _before_dips(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[int]:
+def _before_dips(trajectory: OfflineTrajectory, arrays: MissionArrays) -> list[int]:
     """Return the burns before burns that sink by more than DIP and rise by as much."""
     arcs = arrays.arcs
     environment = arrays.environment[0]
     height = np.array([altitude(tuple(r), environment) for r in trajectory.sample_position])
     found = []
-    for k, begin, end in zip(
-        trajectory.flown_arc, trajectory.flown_start_time, trajectory.flown_end_time, strict=True
-    ):
+    for k, begin, end in trajectory.flown():
         inside = (trajectory.sample_time > begin - SAME_TIME) & (
             trajectory.sample_time < end + SAME_TIME
         )
@@ -192,7 +175,7 @@ def _before_dips(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list
     return found
 
 
-def _lifts(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
+def _lifts(trajectory: OfflineTrajectory, arrays: MissionArrays) -> dict[int, float]:
     """Return the burns before coasts that touch their floor, with the lift of their ends, m."""
     arcs = arrays.arcs
     lowest = dict(_lowest(trajectory, arrays))

@@ -26,10 +26,12 @@ from ares_guidance.arrays import (
     OnboardArrays,
     blank_onboard,
 )
-from ares_guidance.guess import ArcPlan, OfflineTrajectory, Programme
-from ares_guidance.kernels.legs import step_by_legs
-from ares_guidance.kernels.programme import flies_programme
-from ares_guidance.kernels.segments import TABLE_PIECES
+from ares_guidance.kernels.plans.legs import step_by_legs
+from ares_guidance.kernels.plans.programme import flies_programme
+from ares_guidance.kernels.prediction.segments import TABLE_PIECES
+from ares_guidance.plan import ArcPlan, plan_of
+from ares_guidance.programme import Programme
+from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 from ares_models.mission_target import leaves_end_free
@@ -271,7 +273,7 @@ def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> 
     """
     cycle = specialised("ares_guidance.kernels.cycle", f"of_{name}", seek=seek)
     legs = specialised(
-        "ares_guidance.kernels.legs", f"of_{name}", guidance_step=cycle.guidance_step
+        "ares_guidance.kernels.plans.legs", f"of_{name}", guidance_step=cycle.guidance_step
     )
     return LawKind(name, code, legs.step_by_legs)
 
@@ -285,7 +287,7 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
         iterate: kernel with the arguments and results of `kernels.peg.iterate`.
     """
     convergence = specialised(
-        "ares_guidance.kernels.convergence", f"of_{name}", iterate=iterate, LAW=code
+        "ares_guidance.kernels.laws.convergence", f"of_{name}", iterate=iterate, LAW=code
     )
     return law_of_seek(name, code, convergence.seek)
 
@@ -539,7 +541,7 @@ class Law:
         """
         planned = np.full(len(self._arrays.jettisons), math.inf)
         if self.by_plan:
-            self.follow_arcs(trajectory.arc_plan(self._arrays))
+            self.follow_arcs(plan_of(trajectory, self._arrays))
             return
         if math.isfinite(trajectory.jettison_time):
             heating = self._arrays.jettisons["criterion"] == HEATING_LIMIT

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.floor import lowest_coast
-from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings
 from ares_guidance.laws import check_law, make_law
+from ares_guidance.plan import plan_of
+from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.input_file import read_text
 from ares_models.mission import MISSION, Mission, list_missions
@@ -129,7 +130,7 @@ class Answers:
             ValueError: the answer is not a plan of this mission.
         """
         if self.law.by_plan:
-            plan = _trajectory(answer).arc_plan(self.arrays)
+            plan = plan_of(_trajectory(answer), self.arrays)
             check_law(self.law.kind.name, self.arrays, self._start, plan)
 
     def start_from(self, answer: SolveTrajectory.Response) -> dict[str, float]:

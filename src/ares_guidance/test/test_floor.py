@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ares_guidance.floor import check_floor, held_burns, lifted, lowest_coast
-from ares_guidance.guess import OfflineTrajectory
+from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import COAST
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements

@@ -16,7 +16,7 @@ from ares_guidance.arrays import (
     PHASE_CONVERGING,
     PHASE_TRACKING,
 )
-from ares_guidance.kernels.segments import thrust_integrals
+from ares_guidance.kernels.prediction.segments import thrust_integrals
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
 from ares_models.kernels.targets import desired_state, plane_normal

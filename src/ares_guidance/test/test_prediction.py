@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ares_guidance.arrays import SOLUTION
-from ares_guidance.kernels.prediction import LinearTangent, primer
+from ares_guidance.kernels.prediction.burn import LinearTangent, primer
 
 GRADIENT = 1.1e-3
 REFERENCE = 700.0

@@ -9,8 +9,12 @@ import pytest
 from scipy.integrate import quad
 
 from ares_guidance.arrays import Onboard, blank_onboard
-from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
-from ares_guidance.kernels.shortfall import lacking_speed
+from ares_guidance.kernels.monitors.shortfall import lacking_speed
+from ares_guidance.kernels.prediction.segments import (
+    burn_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_guidance.law import LawSettings
 from ares_models.arrays import (
     ARC,

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.guess import ArcPlan, OfflineTrajectory
 from ares_guidance.law import Law, LawKind, LawSettings, why_no_plan
 from ares_guidance.laws import check_law, make_law
+from ares_guidance.plan import ArcPlan, plan_of
+from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.failures import Failure
 from ares_models.mission import Mission
 from ares_models.plans import needs_plan
@@ -101,7 +102,7 @@ def plan_solution(
     if not solution.flyable:
         raise ValueError(why_no_plan(law.name, arrays, solution.reason))
     try:
-        offline_trajectory(solution).arc_plan(arrays)
+        plan_of(offline_trajectory(solution), arrays)
     except ValueError as error:
         raise ValueError(why_no_plan(law.name, arrays, str(error))) from error
     return solution
@@ -125,7 +126,7 @@ def arc_plan(
     arrays = mission.arrays(foreseen=True)
     if not (asked or needs_plan(arrays.arcs, arrays.target[0], arrays.environment[0])):
         return None
-    return offline_trajectory(plan_solution(mission, law, state, time_limit_s)).arc_plan(arrays)
+    return plan_of(offline_trajectory(plan_solution(mission, law, state, time_limit_s)), arrays)
 
 
 def ready_law(

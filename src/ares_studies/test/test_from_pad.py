@@ -13,6 +13,8 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.laws import find_law, make_law
+from ares_guidance.plan import plan_of
+from ares_guidance.programme import programmes_of
 from ares_models.atmosphere import us76
 from ares_models.floors import floors_of
 from ares_models.judge import End
@@ -132,7 +134,7 @@ def ready(mission, solution, name="peg"):
     """Return a law with the plan of a solution."""
     arrays = mission.arrays(foreseen=True)
     law = make_law(name, arrays)
-    law.follow_arcs(offline_trajectory(solution).arc_plan(arrays))
+    law.follow_arcs(plan_of(offline_trajectory(solution), arrays))
     return law
 
 
@@ -650,7 +652,7 @@ def test_a_programme_steers_through_what_the_answer_leaves_open(limited):
     open_ = (trajectory.sample_time < 12.0) | (trajectory.sample_time > 150.0)
     direction[open_ & (trajectory.sample_time < 170.0)] = math.nan
     arrays = mission.arrays(foreseen=True)
-    for programme in replace(trajectory, sample_direction=direction).programmes(arrays):
+    for programme in programmes_of(replace(trajectory, sample_direction=direction), arrays):
         assert np.linalg.norm(programme.direction, axis=1) == pytest.approx(1.0, abs=1e-3)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ares_guidance.floor import held_burns
+from ares_guidance.plan import plan_of
 from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_PLANE
 from ares_models.judge import End, judge
 from ares_models.kernels.environment import altitude
@@ -104,7 +105,7 @@ def test_the_plan_touches_its_floor(floor):
     assert found.converged, found.reason
     trajectory = offline_trajectory(found)
     assert list(held_burns(trajectory, arrays)) == [1]
-    kept = trajectory.arc_plan(arrays)
+    kept = plan_of(trajectory, arrays)
     assert kept.held == {1}
     record = kept.record(arrays)[0]
     # a burn that lacks energy lowers the apogee, not the perigee

@@ -16,7 +16,7 @@ from ares_guidance.arrays import (
     MONITOR_WORK,
     Onboard,
 )
-from ares_guidance.kernels.monitors import most_iterations, watch_answer
+from ares_guidance.kernels.monitors.answers import most_iterations, watch_answer
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import ready_law
 from ares_studies.montecarlo.flights import FlightRange, Settings

@@ -18,7 +18,7 @@ from ares_guidance.arrays import (
     REFUSED_TIME,
     REFUSED_VELOCITY,
 )
-from ares_guidance.kernels.navigation_gate import FEW, MOST_REPEATS
+from ares_guidance.kernels.monitors.navigation_gate import FEW, MOST_REPEATS
 from ares_guidance.laws import find_law, make_law
 from ares_models.mission import load_mission
 from ares_models.tolerances import FLIGHT_PATH_ANGLE_DEG, ORIENTATION_DEG, RADIUS_M, SPEED_M_S

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 
 from ares_guidance import laws
 from ares_guidance.arrays import ERROR_TIME_TO_GO_JUMP
-from ares_guidance.guess import ArcPlan
-from ares_guidance.kernels.legs import time_coast
+from ares_guidance.kernels.plans.legs import time_coast
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import FindsNoWay, check_law, find_law, make_law
+from ares_guidance.plan import ArcPlan, plan_of
 from ares_models.arrays import COAST as KIND_COAST
 from ares_models.arrays import (
     NAVIGATION,
@@ -77,7 +77,7 @@ def spent(mission, flight):
 
 def test_the_plan_of_a_trajectory(restart):
     mission, trajectory = restart
-    plan = trajectory.arc_plan(mission.arrays())
+    plan = plan_of(trajectory, mission.arrays())
     assert plan.lengths_s == pytest.approx({1: BURN, 2: COAST, 3: 9.1581}, abs=1e-3)
     assert list(plan.ends) == [1, 3]
     assert plan.ends[1].speed == pytest.approx(7539.05, abs=0.01)
@@ -186,7 +186,7 @@ def test_a_trajectory_of_another_mission(restart):
     mission, trajectory = restart
     other = load_mission("ares_v").arrays()
     with pytest.raises(ValueError, match="are not those of the mission"):
-        trajectory.arc_plan(other)
+        plan_of(trajectory, other)
     assert mission.plans_arcs
 
 
@@ -197,18 +197,18 @@ def test_a_trajectory_with_another_arc(restart):
     with pytest.raises(
         ValueError, match=r"arc 0 lasts 150\.102 s in the trajectory and 148\.102 s"
     ):
-        longer.arc_plan(arcs)
+        plan_of(longer, arcs)
     lacking = replace(
         trajectory,
         **{name: getattr(trajectory, name)[:0] for name in vars(trajectory) if "flown" in name},
     )
     with pytest.raises(ValueError, match="the trajectory flies arcs \\[\\], which are not those"):
-        lacking.arc_plan(arcs)
+        plan_of(lacking, arcs)
 
 
 def test_the_primers_of_a_plan(restart):
     mission, trajectory = restart
-    plan = trajectory.arc_plan(mission.arrays())
+    plan = plan_of(trajectory, mission.arrays())
     record = plan.record(mission.arrays())
     lit = record["ignition"][0]
     assert lit[[0, 1]] == pytest.approx([0.0, 148.102380138703], abs=1e-6)
@@ -265,7 +265,7 @@ def test_a_held_kick_is_flown_by_a_plan_that_knows_of_it(tmp_path):
 def test_a_first_solution_far_from_the_plan_is_not_flown(restart):
     """Find another solution for the same end: the plan is flown instead."""
     mission, trajectory = restart
-    plan = trajectory.arc_plan(mission.arrays())
+    plan = plan_of(trajectory, mission.arrays())
     longer = replace(plan, lengths_s={**plan.lengths_s, 1: 1.6 * BURN})
     law = make_law("peg", mission.arrays())
     law.follow_arcs(longer)
@@ -346,7 +346,7 @@ def test_a_burn_through_a_third_of_an_orbit_and_a_long_coast(tmp_path, name):
 
 def test_a_campaign_flies_by_the_plan(restart, monkeypatch):
     mission, trajectory = restart
-    plan = trajectory.arc_plan(mission.arrays())
+    plan = plan_of(trajectory, mission.arrays())
     monkeypatch.setattr(closed_loop, "arc_plan", lambda *_: plan)
     spread = Dispersions(thrust=0.003, specific_impulse=0.001)
     settings = Settings(mission, spread, 7, "peg", LawSettings(), CAMPAIGN)
@@ -427,7 +427,7 @@ def test_a_plan_by_legs_is_kept_by_every_law(restart, name):
     ended = flight.events[flight.events["type"] == ARC_ENDED]
     assert lit[2] - ended["time"][1] == pytest.approx(COAST, abs=1e-6)
     # the orbit of the coast is the plan's
-    planned = trajectory.arc_plan(mission.arrays()).ends[1]
+    planned = plan_of(trajectory, mission.arrays()).ends[1]
     coasts = Insertion.from_state(ended["position"][1], ended["velocity"][1])
     assert coasts.radius == pytest.approx(planned.radius, abs=10.0)
     assert coasts.speed == pytest.approx(planned.speed, abs=0.01)
@@ -440,7 +440,7 @@ def test_a_plan_by_legs_is_kept_by_another_engine(restart, name):
     weak = Dispersions(thrust={"mean": -0.02})
     law = ready(mission, replace(trajectory, by_legs=True), name)
     flight = fly_compiled(mission, dispersions=weak, law=law)
-    planned = trajectory.arc_plan(mission.arrays()).ends[1]
+    planned = plan_of(trajectory, mission.arrays()).ends[1]
     ended = flight.events[flight.events["type"] == ARC_ENDED]
     coasts = Insertion.from_state(ended["position"][1], ended["velocity"][1])
     assert coasts.radius == pytest.approx(planned.radius, abs=10.0)
@@ -579,11 +579,11 @@ def test_a_burn_before_one_that_dips_ends_a_leg():
     mission, plan = planned_launcher("ariane5eca_jwst")
     arrays = mission.arrays(foreseen=True)
     trajectory = offline_trajectory(plan)
-    assert trajectory.arc_plan(arrays).held == {0}
-    record = trajectory.arc_plan(arrays).record(arrays)[0]
+    assert plan_of(trajectory, arrays).held == {0}
+    record = plan_of(trajectory, arrays).record(arrays)[0]
     assert record["made"] == 1
     assert record["target"]["kind"][0] == TARGET_RADIUS_SPEED_ANGLE_PLANE
-    assert replace(trajectory, by_legs=False).arc_plan(arrays).held == frozenset()
+    assert plan_of(replace(trajectory, by_legs=False), arrays).held == frozenset()
 
 
 @pytest.mark.parametrize("late_s", [-40.0, 0.0, 7.0, 300.0])
@@ -598,7 +598,7 @@ def test_a_coast_ends_at_its_planned_place(restart, late_s):
     nav = np.zeros(1, NAVIGATION)
     nav["arc"], nav["time"], nav["arc_start_time"] = 2, 400.3, 400.0
     nav["position"], nav["velocity"] = coasted(*begin, 0.3 - late_s, environment)
-    plan = trajectory.arc_plan(arrays).record(arrays)
+    plan = plan_of(trajectory, arrays).record(arrays)
     plan["length"][0, 2], plan["position"][0, 2] = 900.0, coasted(*begin, 900.0, environment)[0]
     records = MissionRecords(
         environment, arrays.atmosphere, arrays.arcs, arrays.jettisons, arrays.target[0]
@@ -616,7 +616,7 @@ def test_a_law_is_asked_with_the_plan_before_ignition(restart):
     mission, trajectory = restart
     arrays = mission.arrays(foreseen=True)
     start = mission.start().navigation()
-    plan = trajectory.arc_plan(arrays)
+    plan = plan_of(trajectory, arrays)
     check_law("peg", arrays, start, plan)
     below = replace(plan, ends=plan.ends | {1: replace(plan.ends[1], radius=1e6)})
     with pytest.raises(FindsNoWay, match="to its target; try law optimal"):
@@ -629,4 +629,4 @@ def test_the_laws_that_find_a_way_are_named(restart, monkeypatch):
     finding = ("igm", "optimal")
     monkeypatch.setattr(laws, "finds_way", lambda name, *_: name in finding)
     with pytest.raises(FindsNoWay, match=r"law is 'peg'.*; try law igm or optimal"):
-        check_law("peg", arrays, mission.start().navigation(), trajectory.arc_plan(arrays))
+        check_law("peg", arrays, mission.start().navigation(), plan_of(trajectory, arrays))

@@ -6,6 +6,7 @@ import pytest
 
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import make_law
+from ares_guidance.plan import plan_of
 from ares_models.failures import Failure, FailureKind
 from ares_models.judge import End
 from ares_models.mission import load_mission
@@ -29,7 +30,7 @@ def flown(mission, solution, boost, **given):
     """Fly by law `optimal` to the target; return the flight."""
     arrays = mission.arrays(foreseen=True)
     law = make_law("optimal", arrays, LawSettings(boost_steering=boost))
-    law.follow_arcs(offline_trajectory(solution).arc_plan(arrays))
+    law.follow_arcs(plan_of(offline_trajectory(solution), arrays))
     flight = fly_stepwise(mission, law=law, **given)
     assert judged(mission, flight.plant).end is End.TARGET
     return flight

@@ -27,11 +27,8 @@ from ares_guidance.arrays import (
     UNSOLVED,
     Onboard,
 )
-from ares_guidance.kernels.convergence import begin_again, seek
-from ares_guidance.kernels.engines import present_engine, watch_engines
-from ares_guidance.kernels.failures import detect_failures, vehicle_left
-from ares_guidance.kernels.jettison import measure_density, next_answer, predict_jettisons
-from ares_guidance.kernels.near import (
+from ares_guidance.kernels.laws.convergence import begin_again, seek
+from ares_guidance.kernels.laws.near import (
     CHEAP_TURN,
     NEAR_ROUNDS,
     begin_near,
@@ -39,14 +36,10 @@ from ares_guidance.kernels.near import (
     may_release_radius,
     move_radius,
 )
-from ares_guidance.kernels.prediction import LinearTangent
-from ares_guidance.kernels.segments import (
-    acceleration_at,
-    least_time_to_go,
-    plan_segments,
-    thrust_integrals,
-)
-from ares_guidance.kernels.shortfall import (
+from ares_guidance.kernels.laws.start import start_guess
+from ares_guidance.kernels.monitors.engines import present_engine, watch_engines
+from ares_guidance.kernels.monitors.failures import detect_failures, vehicle_left
+from ares_guidance.kernels.monitors.shortfall import (
     MOST_DOWN,
     ROUNDS,
     SETTLED,
@@ -56,7 +49,18 @@ from ares_guidance.kernels.shortfall import (
     lacking_speed,
     lower_target,
 )
-from ares_guidance.kernels.start import start_guess
+from ares_guidance.kernels.prediction.burn import LinearTangent
+from ares_guidance.kernels.prediction.jettison import (
+    measure_density,
+    next_answer,
+    predict_jettisons,
+)
+from ares_guidance.kernels.prediction.segments import (
+    acceleration_at,
+    least_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_models.arrays import MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity

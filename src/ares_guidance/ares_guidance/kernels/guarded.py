@@ -13,12 +13,12 @@ from ares_guidance.arrays import (
     PHASE_IDLE,
     Onboard,
 )
-from ares_guidance.kernels.failures import vehicle_left
-from ares_guidance.kernels.impact import hand_back, keep_out
-from ares_guidance.kernels.legs import step_by_legs as guidance_step
-from ares_guidance.kernels.monitors import watch_answer
-from ares_guidance.kernels.navigation_gate import ACCEPTED, REFUSED, admit
-from ares_guidance.kernels.programme import flies_programme
+from ares_guidance.kernels.monitors.answers import watch_answer
+from ares_guidance.kernels.monitors.failures import vehicle_left
+from ares_guidance.kernels.monitors.impact import hand_back, keep_out
+from ares_guidance.kernels.monitors.navigation_gate import ACCEPTED, REFUSED, admit
+from ares_guidance.kernels.plans.legs import step_by_legs as guidance_step
+from ares_guidance.kernels.plans.programme import flies_programme
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.guess import ArcPlan
 from ares_guidance.laws import check_law, find_law
+from ares_guidance.plan import ArcPlan, plan_of
 from ares_models.arrays import NAVIGATION
 from ares_models.failures import Failure, FailureKind
 from ares_models.impacts import Outline, outlines
@@ -378,7 +378,7 @@ class MapMaker:
         self._plan = None
         if mission.needs_plan:
             solution = plan_solution(mission, find_law(name), verify=flies_in_air(arrays.arcs))
-            self._plan = offline_trajectory(solution).arc_plan(arrays)
+            self._plan = plan_of(offline_trajectory(solution), arrays)
         check_law(name, arrays, mission.start().navigation(), self._plan)
         return solution
 

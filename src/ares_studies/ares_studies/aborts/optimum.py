@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.shortfall import lower_target
+from ares_guidance.kernels.monitors.shortfall import lower_target
 from ares_models.arrays import (
     HEATING_LIMIT,
     MISSION_TIME,

@@ -27,8 +27,8 @@ from ares_guidance.arrays import (
     Onboard,
 )
 from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step
-from ares_guidance.kernels.legs import aimed_by_plan, set_aim
-from ares_guidance.kernels.start import start_guess
+from ares_guidance.kernels.laws.start import start_guess
+from ares_guidance.kernels.plans.legs import aimed_by_plan, set_aim
 from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs
+from ares_guidance.plan import plan_of
+from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import (
     BURN,
     HEATING_LIMIT,
@@ -133,7 +134,7 @@ class ThesisPeg(Law):
         """
         self._plan = JettisonPlan.from_trajectory(trajectory)
         if needs_plan(self._arrays.arcs, self._arrays.target[0], self._arrays.environment[0]):
-            self.follow_arcs(trajectory.arc_plan(self._arrays))
+            self.follow_arcs(plan_of(trajectory, self._arrays))
         else:
             self.reset()
 

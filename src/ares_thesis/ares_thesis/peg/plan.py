@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ares_guidance.guess import LEAST_DROP, SAME_TIME, OfflineTrajectory
+from ares_guidance.trajectory import LEAST_DROP, SAME_TIME, OfflineTrajectory
 
 
 @dataclass(frozen=True)

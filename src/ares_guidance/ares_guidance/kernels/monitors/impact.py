@@ -38,9 +38,9 @@ from ares_guidance.arrays import (
     PHASE_IDLE,
     Onboard,
 )
-from ares_guidance.kernels.engines import present_engine
-from ares_guidance.kernels.prediction import LinearTangent, primer
-from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
+from ares_guidance.kernels.monitors.engines import present_engine
+from ares_guidance.kernels.monitors.shortfall import SETTLED, lacking_speed
+from ares_guidance.kernels.prediction.burn import LinearTangent, primer
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity

@@ -14,11 +14,11 @@ only velocity constrained. docs/igm.md says where this goes beyond the law as fl
 import math
 
 from ares_guidance.arrays import STEEPEST, Onboard
-from ares_guidance.kernels.jettison import predict_jettisons
-from ares_guidance.kernels.near import may_release_place
-from ares_guidance.kernels.peg import iterate as iterate_by_peg
-from ares_guidance.kernels.prediction import LinearTangent
-from ares_guidance.kernels.segments import (
+from ares_guidance.kernels.laws.near import may_release_place
+from ares_guidance.kernels.laws.peg import iterate as iterate_by_peg
+from ares_guidance.kernels.prediction.burn import LinearTangent
+from ares_guidance.kernels.prediction.jettison import predict_jettisons
+from ares_guidance.kernels.prediction.segments import (
     Integrals,
     burn_time_to_go,
     note_tail_off,

@@ -9,8 +9,12 @@ of the mass. Speed and flight-path angle cost nothing extra.
 import math
 
 from ares_guidance.arrays import AIM_NEAR, AIM_TARGET, Onboard
-from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
-from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
+from ares_guidance.kernels.prediction.burn import LinearTangent, gravity_effect, steered_thrust
+from ares_guidance.kernels.prediction.segments import (
+    burn_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_models.arrays import (
     NAMES_TRUE_ANOMALY,
     TARGET_ELEMENTS,

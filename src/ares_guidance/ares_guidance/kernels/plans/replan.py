@@ -10,7 +10,10 @@ passes a limit of the dynamic pressure, the programme is flown on.
 import math
 
 from ares_guidance.arrays import BOOST_REPLAN, ERROR_NONE, Onboard
-from ares_guidance.kernels.engines import (
+from ares_guidance.kernels.laws.costate_guess import BY_PLAN
+from ares_guidance.kernels.laws.onboard_problem import REFRESH
+from ares_guidance.kernels.laws.optimal import solve_optimal
+from ares_guidance.kernels.monitors.engines import (
     SHORTEST,
     STEP,
     begin_stage,
@@ -18,10 +21,9 @@ from ares_guidance.kernels.engines import (
     measures_one_burn,
     note_engines,
 )
-from ares_guidance.kernels.jettison import measure_density
-from ares_guidance.kernels.legs import last_of_leg, lay_out, mission_of_leg
-from ares_guidance.kernels.optimal import BY_PLAN, REFRESH, solve_optimal
-from ares_guidance.kernels.programme import flies_programme
+from ares_guidance.kernels.plans.legs import last_of_leg, lay_out, mission_of_leg
+from ares_guidance.kernels.plans.programme import flies_programme
+from ares_guidance.kernels.prediction.jettison import measure_density
 from ares_models.arrays import BURN, MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import pressure_loss

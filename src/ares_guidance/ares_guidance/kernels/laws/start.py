@@ -4,7 +4,11 @@
 import math
 
 from ares_guidance.arrays import Onboard
-from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
+from ares_guidance.kernels.prediction.segments import (
+    burn_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane, target_speed

@@ -7,14 +7,18 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import HEATING_MEASURED, Onboard
-from ares_guidance.kernels.prediction import (
+from ares_guidance.kernels.prediction.burn import (
     LinearTangent,
     gravity_effect,
     primer,
     steered_thrust,
     turned_thrust,
 )
-from ares_guidance.kernels.segments import acceleration_at, direction_time, thrust_integrals
+from ares_guidance.kernels.prediction.segments import (
+    acceleration_at,
+    direction_time,
+    thrust_integrals,
+)
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, heating_rate, log_heating

@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import MAX_SEGMENTS, Onboard
-from ares_guidance.kernels.engines import present_engine
+from ares_guidance.kernels.monitors.engines import present_engine
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.sequence import (

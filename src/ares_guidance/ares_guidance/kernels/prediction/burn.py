@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ares_guidance.kernels.segments import (
+from ares_guidance.kernels.prediction.segments import (
     Integrals,
     direction_time,
     gain_within,

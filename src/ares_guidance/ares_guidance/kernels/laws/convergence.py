@@ -8,17 +8,17 @@
 import math
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, STEEPEST, Onboard
-from ares_guidance.kernels.large_turn import (
+from ares_guidance.kernels.laws.large_turn import (
     PIECE,
     converge_held,
     converge_large_turn,
     converge_lofted,
 )
-from ares_guidance.kernels.near import may_release_place
-from ares_guidance.kernels.peg import iterate
-from ares_guidance.kernels.segments import least_time_to_go, plan_segments
-from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
-from ares_guidance.kernels.start import start_guess
+from ares_guidance.kernels.laws.near import may_release_place
+from ares_guidance.kernels.laws.peg import iterate
+from ares_guidance.kernels.laws.start import start_guess
+from ares_guidance.kernels.monitors.shortfall import SETTLED, lacking_speed
+from ares_guidance.kernels.prediction.segments import least_time_to_go, plan_segments
 from ares_models.arrays import TARGET_ELEMENTS, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.targets import leaves_place_free

@@ -8,8 +8,8 @@ any plan once no optimum is found from the present state.
 
 from ares_guidance.arrays import PHASE_TRACKING, Onboard
 from ares_guidance.kernels.cycle import guidance_step
-from ares_guidance.kernels.legs import lay_out, mission_of_leg, step_by_legs
-from ares_guidance.kernels.programme import command_ends
+from ares_guidance.kernels.plans.legs import lay_out, mission_of_leg, step_by_legs
+from ares_guidance.kernels.plans.programme import command_ends
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 

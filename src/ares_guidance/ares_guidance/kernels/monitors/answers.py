@@ -21,10 +21,10 @@ from ares_guidance.arrays import (
     PHASE_IDLE,
     Onboard,
 )
-from ares_guidance.kernels.convergence import LAST_PASSES
-from ares_guidance.kernels.engines import present_engine
-from ares_guidance.kernels.jettison import next_answer, on_board_heating
-from ares_guidance.kernels.shortfall import ROUNDS
+from ares_guidance.kernels.laws.convergence import LAST_PASSES
+from ares_guidance.kernels.monitors.engines import present_engine
+from ares_guidance.kernels.monitors.shortfall import ROUNDS
+from ares_guidance.kernels.prediction.jettison import next_answer, on_board_heating
 from ares_models.arrays import BURN, HEATING_LIMIT, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, heating_rate

@@ -20,7 +20,7 @@ from ares_guidance.arrays import (
     Onboard,
 )
 from ares_guidance.kernels.cycle import guidance_step
-from ares_guidance.kernels.start import start_guess
+from ares_guidance.kernels.laws.start import start_guess
 from ares_models.arrays import COAST, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.coast import coast

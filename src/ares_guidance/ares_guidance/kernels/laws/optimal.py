@@ -6,9 +6,6 @@ integration and the old Jacobian if that suffices, else by Newton's method.
 """
 
 import math
-from typing import Any
-
-from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
     ERROR_NONE,
@@ -19,70 +16,57 @@ from ares_guidance.arrays import (
     LAW_OPTIMAL,
     Onboard,
 )
-from ares_guidance.kernels.convergence import SAME_LENGTH, begin_again, ends_by_clock
-from ares_guidance.kernels.convergence import seek as seek_by_peg
-from ares_guidance.kernels.jettison import on_board_heating
-from ares_guidance.kernels.segments import (
+from ares_guidance.kernels.laws.convergence import SAME_LENGTH, begin_again, ends_by_clock
+from ares_guidance.kernels.laws.convergence import seek as seek_by_peg
+from ares_guidance.kernels.laws.costate_guess import (
+    BY_NOTHING,
+    BY_PLAN,
+    BY_STEERING,
+    begins_by_plan,
+    guess_by_plan,
+    guess_by_steering,
+    propagate_costates,
+)
+from ares_guidance.kernels.laws.onboard_problem import (
+    REFRESH,
+    believed_mission,
+    plans_whole,
+    set_options,
+)
+from ares_guidance.kernels.prediction.segments import (
     least_time_to_go,
     note_tail_off,
     plan_segments,
     thrust_integrals,
 )
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords, Record
-from ares_models.jit import inlined, kernel
-from ares_models.kernels.environment import log_heating_gradient
+from ares_models.arrays import BURN, MissionRecords
+from ares_models.jit import kernel
 from ares_models.kernels.linear import back_substitute
-from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
-from ares_models.kernels.vectors import Vector, axpy, load, norm, scale, store, unit
+from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import (
-    AT_ONCE,
-    HELD,
-    INVERSE_SQUARE,
-    RUNGE_KUTTA,
     Effort,
 )
 from ares_optimizer.two_point.contract import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
     CONVERGED,
-    HEATING_OPTIMAL,
     MAX_UNKNOWNS,
-    field_of,
     find_optimum,
     free_column,
-    gravity_terms,
     lengths_inside,
-    next_ignition,
-    propagated_back,
     scaled_length,
     shoot,
-    tangential_primer,
     unknown_count,
 )
 
-#: Longest integration step on board, s; the error of the cut-off is at most 0.1 ms.
-STEP = 40.0
-#: The same as a fraction of the time in which the last burn would consume all mass.
-STEP_SHARE = 0.07
-#: Last Newton step in scaled unknowns: 1e-4 s of cut-off.
-TOLERANCE = 1e-6
-#: Largest number of cycles on one Jacobian, and largest scaled correction by an old one.
-REFRESH = 20
+#: Largest scaled correction by an old Jacobian.
 SMALL = 3e-3
 #: Time to go, s, below which each cycle computes its own Jacobian: no later cycle corrects it.
 LAST = 20.0
-#: Largest relative change of thrust or mass flow for which the Jacobian is kept.
-SAME_ENGINE = 0.01
 #: Time within which the direction of the primer is analytic, s, that tells of a flip.
 NEAR_FLIP = 5.0
-#: Time before the planned end of an arc, s, from which that end is fixed.
-NEAR_END = 1.0
 _ROUNDING = 1e-6
-
-#: Initial guess of a search.
-BY_NOTHING = 0
-BY_STEERING = 1
-BY_PLAN = 2
 #: An extremal that burns longer than PEG's solution by this factor plus 1 s is not the optimum.
 LONGER = 1.02
 #: Largest number of integrator steps in one cycle. Successful searches take 60 in the median and
@@ -93,260 +77,6 @@ MOST_STEPS_IN_AIR = 6_000
 #: Largest number of integrator steps in failed searches during one arc; then the law flies PEG
 #: until the next arc. It bounds the time spent on a hopeless mission to seconds.
 MOST_WASTED = 1_000_000
-
-
-@kernel
-def plans_whole(state: Record) -> bool:
-    """Return whether the ends of free arcs before the last are unknowns too."""
-    return state.plan.made == 1 and state.plan.by_legs == 0
-
-
-@kernel
-def begins_by_plan(arcs: NDArray[Any], onboard: Onboard) -> bool:
-    """Return whether the search starts from the plan's costates.
-
-    Without free arcs before the last only the first cycle does.
-    """
-    nav = onboard.navigation
-    state = onboard.state
-    if plans_whole(state):
-        return True
-    if state.plan.made == 1 or state.plan.aims == 0 or state.cycle != 1:
-        return False
-    k = nav.arc
-    while arcs[k].kind != BURN:
-        k += 1
-    primer = state.plan.primer[k]
-    return math.isfinite(norm(load(primer[0])) + norm(load(primer[1])))
-
-
-@kernel
-def believed_limits(jettisons: NDArray[Any], onboard: Onboard) -> None:
-    """Write the heating limits, less the margin, scaled to the on-board density model."""
-    settings = onboard.settings
-    state = onboard.state
-    memory = state.optimal
-    below = (1.0 - settings.heating_margin) / on_board_heating(settings, state)
-    for j in range(jettisons.shape[0]):
-        memory.jettisons[j] = jettisons[j]
-        if jettisons[j].criterion == HEATING_LIMIT:
-            memory.jettisons[j].value *= below
-
-
-@kernel
-def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
-    """Write the mission's arcs, those of the present stage with the measured engines."""
-    nav = onboard.navigation
-    state = onboard.state
-    arcs = mission.arcs
-    memory = state.optimal
-    stage = arcs[nav.arc].stage
-    if (
-        memory.arcs_from == nav.arc + 1
-        and memory.thrust_ratio == state.thrust_ratio
-        and memory.flow_ratio == state.flow_ratio
-    ):
-        return
-    for k in range(arcs.shape[0]):
-        memory.arcs[k] = arcs[k]
-        if plans_whole(state):
-            memory.arcs[k].duration = memory.duration[k]
-        if arcs[k].stage == stage and arcs[k].kind == BURN and state.thrust_ratio > 0.0:
-            memory.arcs[k].thrust *= state.thrust_ratio
-            memory.arcs[k].mass_flow *= state.flow_ratio
-            memory.arcs[k].exhaust_velocity *= state.thrust_ratio / state.flow_ratio
-    # the old Jacobian is valid only for small changes of the engine
-    if (
-        abs(memory.thrust_ratio - state.thrust_ratio) > SAME_ENGINE
-        or abs(memory.flow_ratio - state.flow_ratio) > SAME_ENGINE
-    ):
-        memory.age = REFRESH
-    present = memory.arcs[nav.arc]
-    if present.duration == 0.0:
-        # after an engine failure the others burn the remaining propellant
-        left = nav.mass - empty_mass(arcs[nav.arc], arcs, mission.jettisons, nav.jettisoned)
-        present.duration = nav.time - nav.arc_start_time + left / present.mass_flow
-        memory.age = REFRESH
-    memory.arcs_from = nav.arc + 1
-    memory.thrust_ratio = state.thrust_ratio
-    memory.flow_ratio = state.flow_ratio
-
-
-@inlined
-def believed_mission(mission: MissionRecords, onboard: Onboard) -> MissionRecords:
-    """Return the mission with scaled limits and measured engines, from the law's memory."""
-    believed_limits(mission.jettisons, onboard)
-    believed_arcs(mission, onboard)
-    memory = onboard.state.optimal
-    return MissionRecords(
-        mission.environment,
-        mission.atmosphere,
-        memory.arcs[: mission.arcs.shape[0]],
-        memory.jettisons[: mission.jettisons.shape[0]],
-        mission.target,
-    )
-
-
-@kernel
-def drop_past_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
-    """Remove the ends of past arcs from the unknowns; fix the end of an arc that is about to end.
-
-    Args:
-        mission: as returned by :func:`believed_mission`.
-        onboard: state of guidance. Its memory is changed.
-        first: column of the first end.
-    """
-    nav = onboard.navigation
-    memory = onboard.state.optimal
-    u = memory.unknowns
-    switches = memory.work.switches
-    for k in range(memory.solved_in, nav.arc):
-        if not math.isinf(mission.arcs[k].duration):
-            continue
-        memory.age = REFRESH
-        for i in range(first, MAX_UNKNOWNS - 1):
-            u[i] = u[i + 1]
-        for f in range(switches.shape[0] - 1):
-            switches[f].hold = switches[f + 1].hold
-            switches[f].length = switches[f + 1].length
-    memory.solved_in = nav.arc
-    last = mission.arcs.shape[0] - 1
-    if nav.arc == last or not math.isinf(mission.arcs[nav.arc].duration):
-        return
-    if u[first] - nav.time < NEAR_END:
-        if switches[0].hold != HELD:
-            memory.age = REFRESH
-        u[first] = max(u[first], nav.time + AT_ONCE)
-        switches[0].hold = HELD
-        switches[0].length = u[first] - nav.arc_start_time
-
-
-@kernel
-def primer_later(
-    environment: Record, r: Vector, costates: tuple[Vector, Vector], dt: float
-) -> tuple[Vector, Vector]:
-    """Propagate primer and rate by ``dt`` s at constant gravity gradient."""
-    p, q = costates
-    _, curvature = gravity_terms(r, field_of(environment), p)
-    return axpy(dt, axpy(0.5 * dt, curvature, q), p), axpy(dt, curvature, q)
-
-
-@kernel
-def planned_primer(
-    believed: MissionRecords, onboard: Onboard, ignition: float
-) -> tuple[Vector, Vector]:
-    """Propagate the planned primer at ignition to now; without one start along the velocity.
-
-    Args:
-        believed: mission of :func:`believed_mission`.
-        onboard: state of guidance.
-        ignition: of the present burn, or of the next, s.
-    """
-    nav = onboard.navigation
-    plan = onboard.state.plan
-    k = nav.arc
-    while believed.arcs[k].kind != BURN:
-        k += 1
-    p, q = load(plan.primer[k, 0]), load(plan.primer[k, 1])
-    if not math.isfinite(norm(p) + norm(q)):
-        p, q = tangential_primer(nav, believed, ignition)
-    elif k == nav.arc:
-        later = nav.time - plan.ignition[k]
-        return primer_later(believed.environment, load(nav.position), (p, q), later)
-    return propagated_back(nav, believed, ignition, (p, q))
-
-
-@kernel
-def guess_by_plan(believed: MissionRecords, onboard: Onboard) -> None:
-    """Write the unknowns from the plan."""
-    nav = onboard.navigation
-    state = onboard.state
-    memory = state.optimal
-    u = memory.unknowns
-    first_end = free_column(nav, believed.jettisons, memory.options)
-    first = first_end
-    end = nav.arc_start_time
-    last = believed.arcs.shape[0] - 1
-    for k in range(nav.arc, last + 1):
-        free = math.isinf(believed.arcs[k].duration)
-        end += state.plan.length[k] if free else believed.arcs[k].duration
-        if free and k < last:
-            u[first] = end
-            first += 1
-    u[COLUMN_CUTOFF] = end
-    ignition = next_ignition(nav, believed, u[first_end:])
-    p, q = planned_primer(believed, onboard, ignition)
-    for i in range(3):
-        u[i] = p[i]
-        u[3 + i] = -q[i]
-    index = COLUMN_JETTISON
-    for j in range(believed.jettisons.shape[0]):
-        if awaits_heating(believed.jettisons, nav.jettisoned, j):
-            planned = state.plan.jettison_time
-            u[index] = planned if math.isfinite(planned) else u[COLUMN_CUTOFF]
-            u[index + 1] = 0.0
-            index += 2
-
-
-@kernel
-def propagate_costates(mission: MissionRecords, onboard: Onboard) -> None:
-    """Propagate the costates of the last solution to the present state, across jettisons."""
-    nav = onboard.navigation
-    environment = mission.environment
-    memory = onboard.state.optimal
-    u = memory.unknowns
-    r = load(nav.position)
-    p = (u[0], u[1], u[2])
-    q = (-u[3], -u[4], -u[5])
-    p, q = primer_later(environment, r, (p, q), nav.time - memory.time)
-    # a jettison since then: apply its jump and remove its unknowns
-    index = 0
-    for j in range(mission.jettisons.shape[0]):
-        if not awaits_heating(mission.jettisons, memory.jettisoned, j):
-            continue
-        if aboard(nav.jettisoned, j):
-            index += 1
-            continue
-        pi = u[COLUMN_JETTISON + 2 * index + 1]
-        _, by_r, by_v = log_heating_gradient(r, load(nav.velocity), environment, mission.atmosphere)
-        p = axpy(-pi, by_v, p)
-        q = axpy(pi, by_r, q)
-        for i in range(COLUMN_JETTISON + 2 * index, MAX_UNKNOWNS - 2):
-            u[i] = u[i + 2]
-    size = 1.0 / norm(p)
-    for i in range(3):
-        u[i] = size * p[i]
-        u[3 + i] = -size * q[i]
-    first = free_column(nav, mission.jettisons, memory.options)
-    for i in range(COLUMN_JETTISON + 1, first, 2):
-        u[i] *= size
-    drop_past_ends(mission, onboard, first)
-    if memory.jettisoned != nav.jettisoned:
-        memory.age = REFRESH
-    memory.jettisoned = nav.jettisoned
-    memory.time = nav.time
-
-
-@kernel
-def guess_by_steering(jettisons: NDArray[Any], onboard: Onboard) -> None:
-    """Write the unknowns from the steering in force: lambda_v = direction, lambda_r = -rate."""
-    nav = onboard.navigation
-    solution = onboard.state.solution
-    u = onboard.state.optimal.unknowns
-    ahead = nav.time - solution.reference_time
-    p = axpy(ahead, load(solution.direction_rate), load(solution.direction))
-    size = 1.0 / norm(p)
-    for i in range(3):
-        u[i] = size * p[i]
-        u[3 + i] = -size * solution.direction_rate[i]
-    u[COLUMN_CUTOFF] = nav.time + solution.time_to_go - solution.tail_gain
-    index = COLUMN_JETTISON
-    for j in range(jettisons.shape[0]):
-        if awaits_heating(jettisons, nav.jettisoned, j):
-            planned = solution.jettison_time[j]
-            u[index] = planned if math.isfinite(planned) else u[COLUMN_CUTOFF]
-            u[index + 1] = 0.0
-            index += 2
 
 
 @kernel
@@ -515,19 +245,6 @@ def search_anew(
 
 
 @kernel
-def set_options(mission: MissionRecords, onboard: Onboard) -> None:
-    """Set up the on-board problem: inverse-square gravity, coarse steps."""
-    options = onboard.state.optimal.options
-    last = mission.arcs[mission.arcs.shape[0] - 1]
-    options.gravity = INVERSE_SQUARE
-    options.propagator = RUNGE_KUTTA
-    options.heating = HEATING_OPTIMAL
-    options.step = min(STEP, STEP_SHARE * onboard.navigation.mass / last.mass_flow)
-    options.max_iterations = onboard.settings.max_solve_iterations
-    options.tolerance = TOLERANCE
-
-
-@kernel
 def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart: bool) -> int:
     """Solve for the optimum from the navigation state.
 
@@ -605,7 +322,7 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
         onboard: state of guidance. Changed.
         cold: there is no solution to continue from.
 
-    Returns: as in :func:`ares_guidance.kernels.convergence.converge`.
+    Returns: as in :func:`ares_guidance.kernels.laws.convergence.converge`.
     """
     error = ERROR_NOT_CONVERGED
     state = onboard.state

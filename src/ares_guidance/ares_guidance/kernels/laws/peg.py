@@ -8,10 +8,10 @@ full targets at staging and jettison too; here only the cut-off has a target.
 """
 
 from ares_guidance.arrays import STEEPEST, Onboard
-from ares_guidance.kernels.jettison import predict_jettisons
-from ares_guidance.kernels.near import may_release_place
-from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
-from ares_guidance.kernels.segments import (
+from ares_guidance.kernels.laws.near import may_release_place
+from ares_guidance.kernels.prediction.burn import LinearTangent, gravity_effect, steered_thrust
+from ares_guidance.kernels.prediction.jettison import predict_jettisons
+from ares_guidance.kernels.prediction.segments import (
     Integrals,
     burn_time_to_go,
     note_tail_off,

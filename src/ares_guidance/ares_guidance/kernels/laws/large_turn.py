@@ -12,15 +12,20 @@ place on an orbit is free.
 import math
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, TURN_UNKNOWNS, Onboard
-from ares_guidance.kernels.jettison import predict_jettisons
-from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, primer, turned_thrust
-from ares_guidance.kernels.segments import (
+from ares_guidance.kernels.laws.start import start_guess
+from ares_guidance.kernels.prediction.burn import (
+    LinearTangent,
+    gravity_effect,
+    primer,
+    turned_thrust,
+)
+from ares_guidance.kernels.prediction.jettison import predict_jettisons
+from ares_guidance.kernels.prediction.segments import (
     burn_time_to_go,
     note_tail_off,
     plan_segments,
     thrust_integrals,
 )
-from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,

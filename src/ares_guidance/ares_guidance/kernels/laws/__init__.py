@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steering laws, and the search that iterates them to convergence."""

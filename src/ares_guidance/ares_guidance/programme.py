@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Attitude programmes through the air, from an optimized trajectory."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import PROGRAMME
+from ares_guidance.trajectory import SAME_TIME, TIME_ROUNDING, OfflineTrajectory
+from ares_models.arrays import BURN, COAST, MAX_PROGRAMME, NAVIGATION, MissionArrays
+from ares_models.kernels.aerodynamics import body_force, pressure_loss
+from ares_models.kernels.environment import relative_velocity
+from ares_models.kernels.sequence import drop_time, last_ignition
+from ares_models.kernels.vectors import norm
+from ares_models.plans import LONG_COAST_S
+
+Array = NDArray[np.float64]
+
+#: Acceleration by the forces of the air below which a law takes over from the programme, m/s2.
+HANDED_OVER_M_S2 = 0.01
+#: Later hand-overs in each burn, and the share of a burn that is not fixed up to which they go.
+LATER = 8
+LATEST_SHARE = 0.75
+
+
+class Programme(NamedTuple):
+    """Hold an attitude programme, one entry per knot.
+
+    Attributes:
+        arc: index into the mission's arcs.
+        time: mission elapsed time as planned, s.
+        speed: in the air, m/s.
+        direction: of the thrust, unit vectors, shape (n, 3).
+        state: planned navigation state at the hand-over, shape (1,), dtype NAVIGATION.
+    """
+
+    arc: NDArray[np.int64]
+    time: Array
+    speed: Array
+    direction: Array
+    state: NDArray[np.void]
+
+    def record(self) -> NDArray[np.void]:
+        """Return the programme for the kernels, shape (1,), dtype PROGRAMME."""
+        record = np.zeros(1, PROGRAMME)
+        count = len(self.time)
+        record["count"] = count
+        for name in ("arc", "time", "speed", "direction"):
+            record[name][0, :count] = getattr(self, name)
+        return record
+
+    def thinned(self, most: int) -> "Programme":
+        """Return the programme with at most so many knots; the ends of arcs are kept."""
+        stride = math.ceil(len(self.time) / (most - 2 * len(np.unique(self.arc))))
+        inside = np.arange(len(self.time)) % max(1, stride) == 0
+        ends = np.append(np.diff(self.arc) != 0, True)
+        keep = inside | ends | np.append(True, ends[:-1])
+        return self._replace(
+            arc=self.arc[keep],
+            time=self.time[keep],
+            speed=self.speed[keep],
+            direction=self.direction[keep],
+        )
+
+
+def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple[Programme, ...]:
+    """Return attitude programmes up to where the forces of the air are small, and beyond.
+
+    Args:
+        trajectory: of the mission.
+        arrays: the mission.
+
+    Returns:
+        none if the forces are small all along.
+    """
+    first = _hand_over(trajectory, arrays)
+    if not trajectory.flown_start_time[0] < first - SAME_TIME:
+        return ()
+    ends = [first]
+    for k, start, stop in trajectory.flown():
+        inside = [start]
+        if arrays.arcs["kind"][k] == BURN:
+            share = LATEST_SHARE if np.isinf(arrays.arcs["duration"][k]) else 1.0
+            inside += list(np.linspace(start, start + share * (stop - start), LATER)[1:-1])
+        ends += [t for t in inside if t > first]
+    environment = arrays.environment[0]
+    speed = np.array(
+        [
+            norm(relative_velocity(tuple(r), tuple(v), environment))
+            for r, v in zip(trajectory.sample_position, trajectory.sample_velocity, strict=True)
+        ]
+    )
+    return tuple(_programme(trajectory, arrays, speed, end) for end in ends)
+
+
+def _programme(
+    trajectory: OfflineTrajectory, arrays: MissionArrays, speed: Array, end: float
+) -> Programme:
+    """Return the attitude programme up to a time, s; speed over the ground by sample, m/s."""
+    parts = []
+    for k, start, stop in trajectory.flown():
+        rows = trajectory.rows_between(start, min(stop, end))
+        if start >= end - SAME_TIME or len(rows) < 2:
+            continue
+        parts.append(
+            (
+                np.full(len(rows), k),
+                trajectory.sample_time[rows],
+                np.maximum.accumulate(speed[rows]),
+                trajectory.sample_direction[rows].copy(),
+            )
+        )
+    # without thrust, turn to the direction of the next; after the last, keep it
+    ahead = trajectory.direction_at(end)
+    for arc, _, _, direction in reversed(parts):
+        coasts = arrays.arcs["kind"][arc[0]] != BURN
+        for k in reversed(range(len(direction))):
+            if coasts or not np.isfinite(direction[k]).all():
+                direction[k] = ahead
+            ahead = direction[k]
+    arc, time, rising, direction = (np.concatenate(c) for c in zip(*parts, strict=True))
+    state = _navigation(trajectory, end, arrays)
+    return Programme(arc, time, rising, direction, state).thinned(MAX_PROGRAMME)
+
+
+def _navigation(trajectory: OfflineTrajectory, t: float, arrays: MissionArrays) -> NDArray[np.void]:
+    """Return the planned navigation state of the first sample from a time on, shape (1,).
+
+    Where an arc ends that is the state at the begin of the next.
+    """
+    later = trajectory.flown_end_time > t + SAME_TIME
+    flown = int(np.argmax(later)) if later.any() else len(later) - 1
+    k = int(trajectory.flown_arc[flown])
+    rows = trajectory.rows_between(
+        float(trajectory.flown_start_time[flown]), float(trajectory.flown_end_time[flown])
+    )
+    after = int(np.searchsorted(trajectory.sample_time[rows], t - TIME_ROUNDING))
+    row = rows[min(after, len(rows) - 1)]
+    state = np.zeros(1, NAVIGATION)
+    for name in ("time", "position", "velocity", "mass"):
+        state[name] = getattr(trajectory, f"sample_{name}")[row]
+    state["heating_rate"] = math.nan
+    state["arc"] = k
+    state["arc_start_time"] = trajectory.flown_start_time[flown]
+    now = float(trajectory.sample_time[row])
+    ignited, ignition = last_ignition(k, float(trajectory.flown_start_time[flown]), arrays.arcs)
+    heating = trajectory.jettison_time if math.isfinite(trajectory.jettison_time) else math.inf
+    for j, jettison in enumerate(arrays.jettisons):
+        over = bool(arrays.arcs["stage"][k] > jettison["stage"])
+        if over or now >= drop_time(jettison, ignited, ignition, now, heating):
+            state["jettisoned"] |= 1 << j
+    return state
+
+
+def _hand_over(trajectory: OfflineTrajectory, arrays: MissionArrays) -> float:
+    """Return the time from which the forces of the air are small, s; -inf: always.
+
+    A long coast ends the ascent: low perigees after it are no part of it.
+    """
+    environment, atmosphere = arrays.environment[0], arrays.atmosphere
+    end = -math.inf
+    for k, start, stop in trajectory.flown():
+        arc = arrays.arcs[k]
+        if arc["kind"] == COAST and stop - start > LONG_COAST_S:
+            break
+        for i in trajectory.rows_between(start, stop):
+            r, v = trajectory.sample_position[i], trajectory.sample_velocity[i]
+            u = tuple(trajectory.sample_direction[i])
+            force = norm(body_force(arc, tuple(r), tuple(v), u, environment, atmosphere))
+            force += pressure_loss(arc, tuple(r), environment, atmosphere)
+            if force > HANDED_OVER_M_S2 * trajectory.sample_mass[i]:
+                end = max(end, min(float(trajectory.sample_time[i]) + 1.0, stop))
+        if arc["vertical"]:
+            end = max(end, stop)
+    return end
