@@ -20,18 +20,14 @@ from ares_optimizer.collocation import report, rollout
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import carried_along_coasts, carried_point
 from ares_optimizer.collocation.guess import guess_of, trials
+from ares_optimizer.collocation.intervals import COAST_TURN, Sweep
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import FoundOptimum, mass_of, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
 from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
-from ares_optimizer.collocation.transcription import (
-    COAST_TURN,
-    CollocationProgram,
-    FreeTimes,
-    Sweep,
-)
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor, depth_below_ground

@@ -15,15 +15,9 @@ from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
 from ares_optimizer.collocation.guess import node_times
+from ares_optimizer.collocation.intervals import COAST_TURN, Sweep, Turning, sweep_of
 from ares_optimizer.collocation.solver import StoppingPoint
-from ares_optimizer.collocation.transcription import (
-    COAST_TURN,
-    CollocationProgram,
-    FreeTimes,
-    Sweep,
-    Turning,
-    sweep_of,
-)
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
 from ares_optimizer.results import SAME_LENGTH
 

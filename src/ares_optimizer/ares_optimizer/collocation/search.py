@@ -15,11 +15,11 @@ from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import (
-    carried_along_coasts,
     carried_point,
     carried_variables,
 )
 from ares_optimizer.collocation.guess import guess_of
+from ares_optimizer.collocation.intervals import Sweep, sweep_of
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import (
     Array,
@@ -40,7 +40,8 @@ from ares_optimizer.collocation.solver import (
     StoppingPoint,
     solve_program,
 )
-from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes, Sweep, sweep_of
+from ares_optimizer.collocation.steps import LengthSteps
+from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.results import SAME_LENGTH
@@ -80,21 +81,6 @@ _SAGS = 1e3
 #: Initial barrier parameter near a solution, and in a corner of its limits.
 _NEAR = 1e-4
 CORNER = 1e-6
-#: Steps from a first guess with a free coast: most change of a coast, rad of a low circular orbit,
-#: and of a burn, as a share and s. Beyond that the linear model of the solver is far off.
-_STEP_COAST = 0.2
-_STEP_BURN = 0.2
-_STEP_BURN_S = 10.0
-#: Most such steps that fail one after the other, factor on the step after a failure and after one
-#: of few iterations, greatest factor, and the share of a step from which a length is held by it.
-_MOST_FAILED = 2
-_SHRUNK = 0.35
-_GROWN = 2.0
-_FEW = 18
-_MOST_SCALE = 4.0
-_HELD = 0.98
-#: Relative gain of mass by the next step that is next to nothing.
-_FLAT = 1e-5
 #: Most iterations of one solution in steps, of a start, and of a start when a solution is known.
 _MOST_IN_STEPS = 200
 _MOST_OF_START = 300
@@ -321,8 +307,6 @@ class Search:
     ) -> StoppingPoint:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
-        The best length of a coast is a flat optimum: without that the solver takes steps of a
-        revolution, far from any flight. Each step begins with what follows the coast turned on.
         A start that is given up keeps its last step if that is better than all known flights, or
         if the next one would gain next to nothing; it is refined later.
 
@@ -331,52 +315,24 @@ class Search:
             begin: first guess, shape (n,), or the solution of a program of the same pattern.
             mu: initial barrier parameter; None: that of the solver.
         """
-        lower, upper = program.lower.copy(), program.upper.copy()
-        free = np.flatnonzero(lower[program.lengths] < upper[program.lengths])
-        lengths, coasts = program.lengths[free], program.steering[free] == COASTING
-        if not coasts.any():
+        steps = LengthSteps(program)
+        if not steps.needed:
             return self._solved_program(program, begin, mu)
-        failures, scale = 0, 1.0
-        most_in_all = min(self.iterations + _MOST_IN_STEPS, self._most_iterations)
-        held = np.zeros(len(free))
-        known: StoppingPoint | None = None
-        in_start, is_flat = math.isfinite(self._most_iterations), False
-        best_kg = self.best.m_f_kg if self.best is not None else math.inf
+        last = min(self.iterations + _MOST_IN_STEPS, self._most_iterations)
         while True:
-            x = begin.x if isinstance(begin, StoppingPoint) else begin
-            at = x[lengths]
-            burns = _STEP_BURN * at + _STEP_BURN_S / program.time
-            most = scale * np.where(coasts, _STEP_COAST / program.pace[free], burns)
-            first, last = begin, held
-            if isinstance(begin, StoppingPoint) and held.any():
-                wanted = begin.x[program.lengths]
-                wanted[free] = np.clip(at + held * most, lower[lengths], upper[lengths])
-                first = carried_along_coasts(program, begin, wanted)
-            program.lower[lengths] = np.maximum(lower[lengths], at - most)
-            program.upper[lengths] = np.minimum(upper[lengths], at + most)
-            point = self._solved_program(program, first, mu)
-            program.lower[:], program.upper[:] = lower, upper
-            moved = point.x[lengths] - at
-            held = np.sign(moved) * (np.abs(moved) >= _HELD * most)
-            if point.solved and not held.any():
+            with steps.bounded(begin) as first:
+                point = self._solved_program(program, first, mu)
+            if steps.arrived(point, begin):
                 return point
-            if point.solved:
-                prices = np.abs(point.at_upper - point.at_lower)[lengths] * most / scale
-                is_flat = prices[held != 0.0].max() < _FLAT * point.x[program.ends[program.saving]]
-                known = begin = point
-                mu, failures = None, 0
-                scale = min(_GROWN * scale, _MOST_SCALE) if point.iterations < _FEW else scale
-            else:
-                failures += 1
-            if failures > _MOST_FAILED or self.iterations >= most_in_all:
-                if in_start and known and (is_flat or mass_of(program, known) > best_kg):
-                    return released(known, lengths)
+            if steps.gave_up or self.iterations >= last:
+                best_kg = self.best.m_f_kg if self.best is not None else math.inf
+                known = steps.known if math.isfinite(self._most_iterations) else None
+                if known and (steps.is_flat or mass_of(program, known) > best_kg):
+                    return steps.released(known)
                 return replace(point, status=GIVEN_UP)
-            if not failures:
-                continue
-            scale *= _SHRUNK
-            held = last
-            if isinstance(begin, StoppingPoint) and (failures > 1 or not held.any()):
+            if point.solved:
+                begin, mu = point, None
+            elif isinstance(begin, StoppingPoint) and steps.begins_anew:
                 # its multipliers may mislead
                 begin, mu = begin.x, CORNER
 
@@ -467,13 +423,6 @@ class Search:
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
-
-
-def released(point: StoppingPoint, lengths: NDArray[np.int64]) -> StoppingPoint:
-    """Return a solution without the multipliers of the bounds of some lengths, which are lifted."""
-    lower, upper = point.at_lower.copy(), point.at_upper.copy()
-    lower[lengths] = upper[lengths] = 0.0
-    return replace(point, at_lower=lower, at_upper=upper)
 
 
 def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:

@@ -6,13 +6,12 @@ which a fairing drops, and the burns that reach the limit of a throttle, are fix
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from ares_models.arrays import BURN, MissionArrays, Record
 from ares_models.floors import Floor, orbits_of
@@ -32,14 +31,21 @@ from ares_optimizer.collocation.arrays import (
     TARGET_RULE,
     VERTICAL,
 )
+from ares_optimizer.collocation.intervals import (
+    Sweep,
+    Turning,
+    has_thrust,
+    place_by_sweep,
+    place_intervals,
+)
 from ares_optimizer.collocation.kernels import (
-    RULE_LOCALS,
     Program,
     fill_hessian,
     fill_jacobian,
     fill_rows,
     fill_rules,
 )
+from ares_optimizer.collocation.patterns import hessian_of, jacobian_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
@@ -48,119 +54,9 @@ from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage, waiting_for_h
 Array = NDArray[np.float64]
 
 INFINITE = 2e19  # bound that the solver ignores
-#: Angle of an interval in a burn and in a coast, rad of a low circular orbit; bounds of the count.
-_BURN_TURN = 0.12
-COAST_TURN = 0.25
-_AIR_TURN = 0.03
-_LEAST_BURN = 2
-_MOST_BURN = 40
-_LEAST_COAST = 2
-_MOST_COAST = 400
-#: Share of the intervals of a coast that are equal: they resolve orbits that become others.
-_COAST_EVEN = 0.05
-#: Turn of the thrust per additional interval, rad; most intervals of a phase; resolution of their
-#: ends.
-_THRUST_TURN = 0.15
-_MOST_TURNS = 80
-_PLACES = 2001
-_SHORT = 5.0  # s
 #: Negligible mass, and least mass of a state, relative to that at the start.
 _NO_MASS = 1e-9
 _LEAST_MASS = 1e-6
-
-
-def _pairs_of(count: int) -> NDArray[np.int64]:
-    """Return all pairs of indices below a count, the second not above the first, in order."""
-    return np.column_stack(np.tril_indices(count))
-
-
-def _motion_entries(of_rates: list[list[int]]) -> NDArray[np.int64]:
-    """Return rows and columns of the derivatives of the motion at a point, shape (n, 2).
-
-    Columns are among the local variables: position, velocity, length, mass, direction.
-
-    Args:
-        of_rates: what each component of the acceleration depends on.
-    """
-    entries = []
-    for c, at in enumerate(of_rates):
-        entries += [(c, 3 + c), (c, 6), *((3 + c, column) for column in at)]
-    return np.array(entries)
-
-
-_AIR, _CALM, _COAST, _BURN = "in the air", "in the air, no control", "coast", "burn"
-#: Entries of the Jacobian and of the Hessian at a point, by kind of motion.
-_SLOPES = {
-    _AIR: _motion_entries([list(range(11))] * 3),
-    _CALM: _motion_entries([list(range(8))] * 3),
-    _COAST: _motion_entries([[0, 1, 2, 6]] * 3),
-    _BURN: _motion_entries([[0, 1, 2, 6, 8 + c, 7] for c in range(3)]),
-}
-_OF_COAST = [*_pairs_of(3).tolist(), *([6, k] for c in range(3) for k in (3 + c, c))]
-_OF_BURN = [*([k, 8 + c] for c in range(3) for k in (6, 7)), [6, 6], [7, 6], [7, 7]]
-_CURVES = {
-    _AIR: _pairs_of(11),
-    _CALM: _pairs_of(8),
-    _COAST: np.array(_OF_COAST),
-    _BURN: np.array(_OF_COAST + _OF_BURN),
-}
-
-
-def _kind_of(phase: Record) -> str:
-    """Return the kind of the motion at the points of a phase, by the variables it depends on."""
-    if phase["in_air"]:
-        return _AIR if phase["steering"] in (GUIDED, HELD_ATTITUDE) else _CALM
-    return _COAST if phase["steering"] == COASTING else _BURN
-
-
-def _equal_shares(whole: Array, count: int) -> Array:
-    """Return the ends of intervals with equal shares of a measure, as fractions of the phase.
-
-    Args:
-        whole: the measure from 0 on, increasing, at equal fractions of the phase.
-        count: of the intervals.
-    """
-    even = np.linspace(0.0, 1.0, len(whole))
-    places: Array = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
-    places[0], places[-1] = 0.0, 1.0
-    return places
-
-
-class Turning(NamedTuple):
-    """Hold the turn of the thrust direction along a flight.
-
-    Attributes:
-        time: s, shape (n,), increasing.
-        turned: angle turned since the first time, rad, shape (n,).
-    """
-
-    time: Array
-    turned: Array
-
-
-class Sweep(NamedTuple):
-    """Hold the angle that circular orbits at the radii of a flight sweep.
-
-    Attributes:
-        time: s, shape (n,), not decreasing.
-        angle: swept since the first time, rad, shape (n,).
-    """
-
-    time: Array
-    angle: Array
-
-
-def sweep_of(time: Array, position: Array, mu: float) -> Sweep:
-    """Integrate the rate of a circular orbit at the radius of a flight.
-
-    Args:
-        time: s, shape (n,), not decreasing.
-        position: m, shape (n, 3).
-        mu: gravitational parameter, m3/s2.
-    """
-    rate = np.sqrt(mu / np.maximum(np.linalg.norm(position, axis=1), 1.0) ** 3)
-    angle: Array = cumulative_trapezoid(rate, time, initial=0)
-    return Sweep(time, angle)
 
 
 class FreeTimes(NamedTuple):
@@ -298,24 +194,37 @@ class CollocationProgram:
         self._lay_out_lengths()
         self._lay_out_masses()
         self._lay_out_rules(floors)
-        rows = self._rows
-        self.row_lower, self.row_upper = np.array(rows.lower), np.array(rows.upper)
-        self.names = tuple(rows.names)
-        field = 1.5 * float(environment["j2"])
+        self._assemble()
+        self.linear_cost = np.zeros(self.size)
+
+    def _assemble(self) -> None:
+        """Hold all that is laid out for the kernels and the solver: program, rows, patterns."""
+        laid = self._rows
+        self.row_lower, self.row_upper = np.array(laid.lower), np.array(laid.upper)
+        self.names = tuple(laid.names)
         self.program = Program(
             self.phases,
             self.points,
             self.rules,
             self.targets,
-            radau(degree)[1],
+            radau(self.degree)[1],
             self.controls,
-            field,
+            1.5 * float(self.arrays.environment["j2"][0]),
             self.radius,
             self.speed,
             self.mass,
         )
-        self.linear_cost = np.zeros(self.size)
-        self._make_patterns()
+        rows, columns = jacobian_of(self.program)
+        linear = laid.linear
+        self.linear = np.array([entry[2] for entry in linear])
+        self._linear_rows = np.array([entry[0] for entry in linear], np.int64)
+        self._linear_columns = np.array([entry[1] for entry in linear], np.int64)
+        self.moving = len(rows)
+        self.jacobian_pattern = (
+            np.concatenate((rows, self._linear_rows)),
+            np.concatenate((columns, self._linear_columns)),
+        )
+        self.hessian_pattern = hessian_of(self.program)
 
     # ---- phases, intervals, variables
 
@@ -323,57 +232,16 @@ class CollocationProgram:
         """Place the intervals and number the states."""
         #: Angle that each phase sweeps in the similar flight, over that of a low circular orbit.
         self.pace = np.ones(len(self.segments))
-        self.breaks = [
-            self._breaks(piece, finer, turning)
-            if sweep is None or not self._coasts(piece)
-            else self._breaks_of_coast(p, finer, sweep)
-            for p, piece in enumerate(self.segments)
-        ]
+        self.breaks: list[Array] = []
+        for p, piece in enumerate(self.segments):
+            if sweep is None or has_thrust(piece):
+                breaks = place_intervals(piece, self.time, self._in_air(piece), finer, turning)
+            else:
+                breaks, self.pace[p] = place_by_sweep(piece, self.time, finer, sweep)
+            self.breaks.append(breaks)
         self.intervals = np.array([len(breaks) - 1 for breaks in self.breaks])
         self.first = np.concatenate(([0], np.cumsum(self.intervals * self.degree)))
         self.nodes = int(self.first[-1]) + 1
-
-    def _breaks(self, piece: Record, finer: float, turning: Turning | None) -> Array:
-        """Return the ends of the intervals of a phase, as fractions of the phase."""
-        begin, end = float(piece["start"]), float(piece["end"])
-        orbit = (end - begin) / self.time
-        burning = not self._coasts(piece)
-        step, least, most = (
-            (_BURN_TURN, _LEAST_BURN, _MOST_BURN)
-            if burning
-            else (COAST_TURN, _LEAST_COAST, _MOST_COAST)
-        )
-        if self._in_air(piece) and burning:
-            step = _AIR_TURN if turning is None else 2.0 * _AIR_TURN
-        count = min(max(math.ceil(orbit / step), least), most)
-        if end - begin < _SHORT:
-            count = 1
-        even = np.linspace(0.0, 1.0, _PLACES)
-        if turning is None or not burning or end - begin < _SHORT:
-            return np.linspace(0.0, 1.0, math.ceil(finer * count) + 1)
-        turned = np.interp(begin + even * (end - begin), *turning)
-        # additional intervals in proportion to the turn of the thrust
-        whole = even * count + (turned - turned[0]) / _THRUST_TURN
-        count = math.ceil(finer * min(whole[-1], _MOST_TURNS))
-        return _equal_shares(whole, count)
-
-    def _breaks_of_coast(self, p: int, finer: float, sweep: Sweep) -> Array:
-        """Return the ends of the intervals of a coast, as fractions of it."""
-        begin, end = float(self.segments[p]["start"]), float(self.segments[p]["end"])
-        low = (end - begin) / self.time
-        if end - begin < _SHORT:
-            return np.linspace(0.0, 1.0, math.ceil(finer) + 1)
-        even = np.linspace(0.0, 1.0, _PLACES)
-        angle = np.interp(begin + even * (end - begin), *sweep)
-        self.pace[p] = min(1.0, (angle[-1] - angle[0]) / low)
-        whole = angle - angle[0] + _COAST_EVEN * low * even
-        count = min(max(math.ceil(whole[-1] / COAST_TURN), _LEAST_COAST), _MOST_COAST)
-        return _equal_shares(whole, math.ceil(finer * count))
-
-    @staticmethod
-    def _coasts(piece: Record) -> bool:
-        """Return true if a segment has no thrust."""
-        return bool(piece["thrust"] <= 0.0 and piece["thrust_slope"] <= 0.0)
 
     def _in_air(self, piece: Record) -> bool:
         """Return true if forces of the air or a vertical rise are part of a segment."""
@@ -382,7 +250,7 @@ class CollocationProgram:
     def _lay_out_variables(self) -> None:
         """Assign the columns of states, directions, lengths and masses."""
         phases = len(self.segments)
-        burning = (self.segments["thrust"] > 0.0) | (self.segments["thrust_slope"] > 0.0)
+        burning = np.array([has_thrust(piece) for piece in self.segments])
         self.steering = np.where(
             burning, np.where(self.segments["held"] > 0, HELD_ATTITUDE, GUIDED), COASTING
         )
@@ -681,84 +549,6 @@ class CollocationProgram:
         for rule in self.rules:
             if rule["kind"] == FLOOR_RULE and rule["row"] in self.floor_rows[arc]:
                 rule["level"] = altitude_m
-
-    # ---- patterns
-
-    def _make_patterns(self) -> None:
-        """Build the patterns of Jacobian and Hessian, in the order of the kernels."""
-        rows: list[NDArray[np.int64]] = []
-        columns: list[NDArray[np.int64]] = []
-
-        def put(row: NDArray[np.int64], at: NDArray[np.int64]) -> None:
-            rows.append(np.broadcast_to(row, at.shape).ravel())
-            columns.append(at.ravel())
-
-        for phase, points, numbers in self._points_by_phase():
-            own = self._locals(phase, points)
-            nodes = points["node"][:, None] + np.arange(self.degree + 1)
-            of_states = 6 * nodes[:, None, :] + np.arange(6)[:, None]
-            row, column = _SLOPES[_kind_of(phase)].T
-            defects = np.concatenate((np.repeat(np.arange(6), self.degree + 1), row))
-            at = np.hstack((of_states.reshape(len(points), -1), own[:, column]))
-            put(6 * numbers[:, None] + defects, at)
-        first = 6 * len(self.points)
-        each = self.controls[:, None] + np.arange(3)
-        put(first + np.arange(len(self.controls))[:, None], each)
-        phases = self.phases
-        put(phases["link"][:, None], np.column_stack((self.ends, phases["length"], phases["mass"])))
-        for rule in self.rules:
-            there = np.array(self._rule_columns(rule))
-            put(rule["row"] + np.arange(rule["rows"])[:, None], np.tile(there, (rule["rows"], 1)))
-        self.linear = np.array([entry[2] for entry in self._rows.linear])
-        self._linear_rows = np.array([entry[0] for entry in self._rows.linear], np.int64)
-        self._linear_columns = np.array([entry[1] for entry in self._rows.linear], np.int64)
-        self.moving = sum(len(each) for each in rows)
-        self.jacobian_pattern = (
-            np.concatenate((*rows, self._linear_rows)).astype(np.int64),
-            np.concatenate((*columns, self._linear_columns)).astype(np.int64),
-        )
-        self.hessian_pattern = self._hessian_pattern()
-
-    def _points_by_phase(self) -> Iterator[tuple[Record, NDArray[np.void], NDArray[np.int64]]]:
-        """Yield each phase with its points and their indices."""
-        for p, phase in enumerate(self.phases):
-            numbers = np.flatnonzero(self.points["phase"] == p)
-            yield phase, self.points[numbers], numbers
-
-    @staticmethod
-    def _locals(phase: Record, points: NDArray[np.void]) -> NDArray[np.int64]:
-        """Return the columns of the local variables of points of a phase, shape (n, 8 or 11)."""
-        at = 6 * (points["node"] + points["number"])[:, None]
-        shared = np.tile((phase["length"], phase["mass"]), (len(points), 1))
-        own = np.hstack((at + np.arange(6), shared))
-        if (points["control"] < 0).all():
-            return own
-        return np.hstack((own, points["control"][:, None] + np.arange(3)))
-
-    @staticmethod
-    def _rule_columns(rule: Record) -> list[int]:
-        """Return the columns of the variables of a constraint."""
-        at, control = 6 * int(rule["node"]), int(rule["control"])
-        own = [] if control < 0 else range(control, control + RULE_LOCALS - 6)
-        return [*range(at, at + 6), *own]
-
-    def _hessian_pattern(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        ones: list[NDArray[np.int64]] = []
-        others: list[NDArray[np.int64]] = []
-
-        def put(columns: NDArray[np.int64], pairs: NDArray[np.int64]) -> None:
-            ones.append(columns[:, pairs[:, 0]].ravel())
-            others.append(columns[:, pairs[:, 1]].ravel())
-
-        for phase, points, _ in self._points_by_phase():
-            put(self._locals(phase, points), _CURVES[_kind_of(phase)])
-        put(self.controls[:, None] + np.arange(3), np.array([[0, 0], [1, 1], [2, 2]]))
-        put(np.column_stack((self.lengths, self.masses)), np.array([[0, 0], [1, 0]]))
-        for rule in self.rules:
-            there = np.array([self._rule_columns(rule)])
-            put(there, _pairs_of(there.shape[1]))
-        one, other = np.concatenate(ones), np.concatenate(others)
-        return np.maximum(one, other), np.minimum(one, other)
 
     # ---- callbacks of the solver
 
