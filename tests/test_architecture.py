@@ -51,8 +51,9 @@ MAY_IMPORT = {
 }
 #: What no other package imports: their laws, methods and verbs are registered.
 LEAVES = {"ares_thesis", "ares_trials"}
-#: A node, what it makes its messages with, and the entry of its process.
-NODES = {"node.py", "messages.py", "__main__.py"}
+#: A node, its dealings with others of its flight, what it makes its messages with, and the entry of
+#: its process.
+NODES = {"node.py", "lock_step.py", "members.py", "messages.py", "__main__.py"}
 NODES_ALSO = {"ares_node", "ares_msgs"}
 SPEAK_ROS = {"ares_node", "ares_bags", "ares_view", "ares_bringup", "ares_trials"}
 ROS = {"rclpy", "rosgraph_msgs", "diagnostic_msgs", "builtin_interfaces", "rcl_interfaces"}

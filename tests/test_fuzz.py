@@ -494,7 +494,7 @@ def test_a_simulator_that_comes_after_the_flight_is_no_rival(graph) -> None:
     simulator = graph.start(VehicleSimNode, flight_id=7)
     simulator._membership.state = State.OVER
     simulator.simulator.plant["complete"] = 1
-    simulator._on_member(
+    simulator._members.hear(
         FlightMember(member_id=1, flight_id=7, role=FlightMember.VEHICLE_SIM, state=State.PRESENT)
     )
     assert not simulator.done

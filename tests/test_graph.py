@@ -239,7 +239,7 @@ def test_guidance_that_comes_back_is_listened_to_again(graph):
     graph.add(ScriptedGuidance(graph.context, pause))
     graph.wait_for_report("without guidance")
     # on a busy machine an answer can be late again
-    graph.spin(lambda: answers(graph) > 120 and simulator._lost_in_a_row == 0)
+    graph.spin(lambda: answers(graph) > 120 and simulator._flight.link.lost_in_a_row == 0)
     kinds = [event.type for event in graph.events if event.type >= FlightEvent.GUIDANCE_LOST]
     lost_and_back = [FlightEvent.GUIDANCE_LOST, FlightEvent.GUIDANCE_BACK]
     assert kinds == lost_and_back * (len(kinds) // 2)
@@ -405,7 +405,7 @@ def test_a_paced_flight_keeps_its_pace(graph, pace):
     simulator = graph.start(VehicleSimNode, pace=pace)
     graph.start(GuidanceNode)
     graph.spin(lambda: answers(graph) > 1)
-    begun = simulator._started_at
+    begun = simulator._flight.pace.started_at
     graph.spin(lambda: answers(graph) > 200)
     elapsed = time.monotonic() - begun
     assert elapsed >= 20.0 / pace * 0.95
@@ -503,7 +503,7 @@ def test_guidance_that_leaves_is_waited_for_no_more(graph, pace):
     graph.spin(lambda: answers(graph) > before + 20)
     graph.start(GuidanceNode)
     graph.spin(lambda: any(e.type == FlightEvent.GUIDANCE_BACK for e in graph.events))
-    assert simulator._lost_in_a_row == 0
+    assert simulator._flight.link.lost_in_a_row == 0
 
 
 def test_answers_that_come_a_little_late_are_waited_for_again(graph):
@@ -517,14 +517,14 @@ def test_answers_that_come_a_little_late_are_waited_for_again(graph):
     simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
     graph.add(ScriptedGuidance(graph.context, lag))
     graph.wait_for_report("3 answers lost in a row: flying on without guidance")
-    graph.spin(lambda: answers(graph) > 150 and simulator._lost_in_a_row == 0)
+    graph.spin(lambda: answers(graph) > 150 and simulator._flight.link.lost_in_a_row == 0)
     assert [e.type for e in graph.events].count(FlightEvent.GUIDANCE_BACK) > 0
 
 
 def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):
     simulator = graph.start(VehicleSimNode, expected_recorders=1, start_timeout_s=60.0)
     graph.start(GuidanceNode)
-    graph.spin(lambda: simulator._missing()[0] == "recorder")
+    graph.spin(lambda: simulator._members.missing()[0] == "recorder")
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))
     graph.spin(lambda: end_of(graph, simulator))
     graph.spin(lambda: recorder._membership.state is State.OVER)
@@ -546,10 +546,10 @@ def test_a_pause_of_guidance_is_not_made_up_for_in_a_rush(graph):
     simulator = graph.start(VehicleSimNode, pace=1.0)
     graph.add(ScriptedGuidance(graph.context, pause))
     graph.spin(lambda: answers(graph) > 8)
-    begun = simulator._started_at
+    begun = simulator._flight.pace.started_at
     graph.spin(lambda: answers(graph) > 20)
     graph.wait_for_report("behind its pace by ")
-    assert simulator._started_at - begun >= 0.9
+    assert simulator._flight.pace.started_at - begun >= 0.9
 
 
 def threads() -> int:

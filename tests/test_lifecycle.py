@@ -100,11 +100,11 @@ def test_a_closed_bag_is_not_written_to(graph, tmp_path):
 
 def test_a_guidance_that_has_prepared_for_long_gets_time_to_agree(graph, monkeypatch):
     simulator = graph.start(VehicleSimNode, start_timeout_s=30.0)
-    begun = simulator._activated_at
+    begun = simulator._members.activated_at
     monkeypatch.setattr(simulator._membership, "preparing", lambda _role: True)
-    simulator._try_to_start(begun + 100.0)
+    simulator._members.count(begun + 100.0)
     monkeypatch.setattr(simulator._membership, "preparing", lambda _role: False)
-    simulator._try_to_start(begun + 129.0)
+    simulator._members.count(begun + 129.0)
     assert not simulator.done
-    simulator._try_to_start(begun + 131.0)
+    simulator._members.count(begun + 131.0)
     assert simulator.failure == "no guidance on the graph after 131 s"

@@ -14,7 +14,7 @@ from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_trials.faults.link import DelayLine, Link, LinkNode, LinkOptions
 from ares_trials.faults.relay import GUIDANCE_ARGUMENTS, Relay
 from ares_trials.testing.flights import short_burn
-from ares_vehicle_sim.node import Deadlines, VehicleSimNode
+from ares_vehicle_sim.node import VehicleSimNode
 
 PERIOD_NS = NANOSECONDS // 10
 
@@ -135,18 +135,7 @@ def test_in_real_time_the_vehicle_waits_for_nobody_and_says_what_it_missed(graph
     assert kinds.count(lost) == kinds.count(back) >= 1
     when = next(event.time for event in graph.events if event.type == lost)
     assert 1002.0 < when <= 1012.2
-    assert vehicle._deadlines.states == len(graph.states)
-
-
-def test_deadlines_are_counted():
-    deadlines = Deadlines()
-    deadlines.count(-0.09, 0.1)
-    deadlines.count(0.02, 0.1)
-    deadlines.age_ns = 3 * PERIOD_NS
-    assert str(deadlines) == (
-        "real time: 1 of 2 deadlines missed, the latest state 120.0 ms after it was due; "
-        "commands up to 0.3 s old"
-    )
+    assert vehicle._flight.pace.deadlines.states == len(graph.states)
 
 
 def test_a_link_of_real_time_ends_with_its_flight(graph, mission):

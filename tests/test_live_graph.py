@@ -103,7 +103,7 @@ def test_a_pause_is_not_made_up_for(graph, mission):
 def test_a_flight_may_begin_paused(graph, mission):
     simulator = graph.start(VehicleSimNode, mission=mission, paused=True)
     graph.start(GuidanceNode, mission=mission)
-    graph.spin(lambda: simulator._held)
+    graph.spin(lambda: simulator._flight.paused)
     spin_for(graph, PAUSE)
     assert simulator.simulator.sequence == 0
     set_now(simulator, paused=False)
@@ -113,7 +113,7 @@ def test_a_flight_may_begin_paused(graph, mission):
 def test_what_cannot_be_set_in_flight_is_refused(graph, mission):
     simulator = graph.start(VehicleSimNode, mission=mission, paused=True)
     graph.start(GuidanceNode, mission=mission)
-    graph.spin(lambda: simulator._held)
+    graph.spin(lambda: simulator._flight.paused)
     assert set_now(simulator, pace=1e-9) == "parameter pace is 1e-09; expected 0, or 0.001 up"
     assert "pace" in set_now(simulator, pace=-1.0)
     assert set_now(simulator, pace="fast")

@@ -309,7 +309,7 @@ class SimulatorCallbacks(NodeTarget):
             Call(
                 ThrustCommand,
                 self._command,
-                self._node._on_command,
+                self._hear_command,
                 kept=("flight_id", "guidance_id", "nav_stamp"),
             ),
             Call(FlightMember, self._flight.member, self._hear),
@@ -319,7 +319,11 @@ class SimulatorCallbacks(NodeTarget):
         for state in (FlightMember.PRESENT, FlightMember.READY):
             word = _member(FlightMember.GUIDANCE, state, GUIDANCE_ID, guidance_id=GUIDANCE_ID)
             self._node._membership._on_member(word)
-        self._node._on_watch()
+        self._node._flight.on_watch()
+
+    def _hear_command(self, command: ThrustCommand) -> None:
+        # a node that starts anew has another flight
+        self._node._flight.on_command(command)
 
     def _command(self) -> ThrustCommand:
         simulator = self._node.simulator
@@ -351,7 +355,7 @@ class SimulatorCallbacks(NodeTarget):
             check(self._node.start(), f"no new flight: {self._node.failure}")
             self._join()
         else:
-            self._node._on_watch()
+            self._node._flight.on_watch()
 
 
 class GuidanceCallbacks(NodeTarget):
