@@ -258,6 +258,16 @@ def test_a_second_simulator_does_not_start(graph):
     graph.spin(lambda: answers(graph) > before + 20)
 
 
+def test_a_simulator_that_is_not_active_yet_yields_to_one_that_flies(graph):
+    graph.start(VehicleSimNode)
+    second = graph.add(VehicleSimNode(context=graph.context))
+    assert second.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    graph.add(ScriptedGuidance(graph.context))
+    graph.spin(lambda: second.done)
+    assert second.failure == "another simulator already publishes /ares/nav_state"
+    graph.spin(lambda: answers(graph) > 20)
+
+
 def test_a_simulator_without_guidance_gives_up(graph):
     simulator = graph.start(VehicleSimNode, start_timeout_s=0.5)
     graph.spin(lambda: simulator.done)

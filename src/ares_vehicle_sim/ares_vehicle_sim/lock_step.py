@@ -85,6 +85,7 @@ class LockStep:
         self._arrived: ThrustCommand | None = None
         self._unanswered = False
         self._refused = self._forged = 0
+        self._watch: Timer | None = None
         self._paced: Timer | None = None
         self._pace_published_at = -math.inf
 
@@ -101,8 +102,10 @@ class LockStep:
         self._watch = self._node.wall_timer(period, self.on_watch)
 
     def end_watch(self) -> None:
-        """End the periodic checks."""
-        self._node.destroy_timer(self._watch)
+        """End the periodic checks; before the node is active there are none."""
+        if self._watch is not None:
+            self._node.destroy_timer(self._watch)
+            self._watch = None
 
     def on_watch(self) -> None:
         """Check who is missing before the flight, whether an answer is overdue in it."""
