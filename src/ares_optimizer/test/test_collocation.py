@@ -25,8 +25,9 @@ from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import FoundOptimum, mass_of, times_of
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.report import verdict_of
-from ares_optimizer.collocation.search import LocalOptimum, floors_on, moved_events
+from ares_optimizer.collocation.search import LocalOptimum, again_found, floors_on, moved_events
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
+from ares_optimizer.collocation.steps import LengthSteps
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
@@ -499,6 +500,44 @@ def test_a_solution_is_a_good_guess_for_a_longer_coast() -> None:
     unturned = np.where(np.arange(program.size) == at, longer[coast], point.x)
     by_itself = solve_program(program, replace(point, x=unturned), deadline)
     assert again.iterations < 0.7 * by_itself.iterations
+
+
+def test_a_coast_of_a_known_length_is_held_nearly_at_first() -> None:
+    program, guess = first_program(str(MISSIONS / "titan2_restart.yaml"))
+    lower, upper = program.lower.copy(), program.upper.copy()
+    (coast,) = np.flatnonzero(program.steering == COASTING)
+    at = program.lengths[coast]
+    steps = LengthSteps(program, narrow=True)
+    with steps.bounded(guess) as begin:
+        assert guess[at] - 0.01 < program.lower[at] < program.upper[at] < guess[at] + 0.01
+        point = solve_program(program, begin, Deadline(60.0))
+    assert (program.lower == lower).all()
+    assert (program.upper == upper).all()
+    assert point.solved
+    assert not steps.arrived(point, guess)
+    assert steps.known is point
+    # the trial's coast is far from the best one
+    assert steps.gain > 1e-5
+    held = steps.released(point)
+    assert held.unsettled
+    assert held.at_lower[at] == held.at_upper[at] == 0.0
+    # it is settled on these intervals if it was on others
+    settled = FoundOptimum(program, point, mass_of(program, point))
+    assert not again_found(settled, program, held).point.unsettled
+    assert again_found(replace(settled, point=held), program, held).point.unsettled
+
+
+def test_a_flight_whose_coast_is_unsettled_is_not_called_optimal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(report, "free_propellant", lambda _found: 100.0)
+    for unsettled in (False, True):
+        point = SimpleNamespace(regularized=False, unsettled=unsettled)
+        found = SimpleNamespace(point=point, m_f_kg=1.0)
+        monkeypatch.setattr(report, "allowed_spread", lambda _found: 1.0)
+        search = SimpleNamespace(again=2, led_to=lambda _: 2, starts=2, added=())
+        cause = verdict_of(search, SimpleNamespace(found=found), (), 0.0)
+        assert (cause.status is Status.FEASIBLE) == unsettled
 
 
 def test_multipliers_are_not_carried_over_to_other_phases() -> None:

@@ -526,7 +526,9 @@ def test_a_drop_within_a_free_burn_makes_it_last_so_long():
 
 
 @pytest.mark.trial
-@pytest.mark.parametrize("seed", [1, 9, 26, 28, 30, 71000, 71006, 71008, 71013, 71035, 71036])
+@pytest.mark.parametrize(
+    "seed", [1, 9, 26, 28, 30, 71000, 71006, 71008, 71013, 71035, 71036, 80011]
+)
 def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
     mission = random_launcher(seed)
     solution = solve(mission, "auto")

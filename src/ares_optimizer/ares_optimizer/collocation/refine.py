@@ -26,10 +26,9 @@ from ares_optimizer.collocation.points import (
     hamiltonian_spread,
     is_idle,
     lowest_in,
-    mass_of,
     times_of,
 )
-from ares_optimizer.collocation.search import CORNER, Search, refined
+from ares_optimizer.collocation.search import CORNER, Search, again_found, refined
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.plan import with_lengths
@@ -162,9 +161,9 @@ def _solved_again(search: Search, found: FoundOptimum) -> FoundOptimum | None:
     ways: tuple[tuple[Array | StoppingPoint, float | None], ...]
     ways = ((found.point, None), (found.point.x, CORNER))
     for begin, mu in ways:
-        point = search.solve_in_steps(program, begin, mu)
+        point = search.solve_in_steps(program, begin, mu, narrow=True)
         if point.solved:
-            return FoundOptimum(program, point, mass_of(program, point))
+            return again_found(found, program, point)
     return None
 
 

@@ -256,6 +256,8 @@ def verdict_of(
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")
     if propellant < _NOTHING_KG:
         return Cause(Status.CONVERGED, next_to_nothing(propellant))
+    if proven.found.point.unsettled:
+        return Cause(Status.FEASIBLE, "the best length of a coast was not found")
     # on fine intervals, where floors and limits hold between the coarse ones too, the mass differs
     met = max(search.again, search.led_to(proven.found.m_f_kg))
     if search.starts > 1 and met < _LEAST_MET:

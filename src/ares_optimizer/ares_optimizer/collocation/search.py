@@ -81,6 +81,10 @@ _SAGS = 1e3
 #: Initial barrier parameter near a solution, and in a corner of its limits.
 _NEAR = 1e-4
 CORNER = 1e-6
+#: Relative gain of mass by the next step that is next to nothing: in a start, and on finer
+#: intervals, where the last of a hundred such steps would be noticed.
+_FLAT = 1e-5
+_FLAT_WHEN_REFINED = 1e-6
 #: Most iterations of one solution in steps, of a start, and of a start when a solution is known.
 _MOST_IN_STEPS = 200
 _MOST_OF_START = 300
@@ -303,19 +307,24 @@ class Search:
         return point
 
     def solve_in_steps(
-        self, program: CollocationProgram, begin: Array | StoppingPoint, mu: float | None
+        self,
+        program: CollocationProgram,
+        begin: Array | StoppingPoint,
+        mu: float | None,
+        narrow: bool = False,
     ) -> StoppingPoint:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
-        A start that is given up keeps its last step if that is better than all known flights, or
-        if the next one would gain next to nothing; it is refined later.
+        Steps that are given up keep the last one if the next would gain next to nothing, or, in a
+        start, if its flight is better than all known ones; it is unsettled then.
 
         Args:
             program: the program.
             begin: first guess, shape (n,), or the solution of a program of the same pattern.
             mu: initial barrier parameter; None: that of the solver.
+            narrow: hold free lengths nearly in the first step.
         """
-        steps = LengthSteps(program)
+        steps = LengthSteps(program, narrow)
         if not steps.needed:
             return self._solved_program(program, begin, mu)
         last = min(self.iterations + _MOST_IN_STEPS, self._most_iterations)
@@ -325,9 +334,10 @@ class Search:
             if steps.arrived(point, begin):
                 return point
             if steps.gave_up or self.iterations >= last:
-                best_kg = self.best.m_f_kg if self.best is not None else math.inf
-                known = steps.known if math.isfinite(self._most_iterations) else None
-                if known and (steps.is_flat or mass_of(program, known) > best_kg):
+                known, in_start = steps.known, math.isfinite(self._most_iterations)
+                flat = steps.gain < (_FLAT if in_start else _FLAT_WHEN_REFINED)
+                best_kg = self.best.m_f_kg if in_start and self.best else math.inf
+                if known and (flat or mass_of(program, known) > best_kg):
                     return steps.released(known)
                 return replace(point, status=GIVEN_UP)
             if point.solved:
@@ -511,6 +521,14 @@ def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
     return sweep_of(track[:, rollout.TIME], position, mu)
 
 
+def again_found(
+    found: FoundOptimum, program: CollocationProgram, point: StoppingPoint
+) -> FoundOptimum:
+    """Return a solution of a program like that of another one, settled if that was."""
+    point = replace(point, unsettled=point.unsettled and found.point.unsettled)
+    return FoundOptimum(program, point, mass_of(program, point))
+
+
 def refined(
     search: Search, found: FoundOptimum, floors: tuple[Floor, ...], finer: float
 ) -> FoundOptimum | None:
@@ -541,9 +559,9 @@ def refined(
     if warm is not None:
         ways.insert(0, (warm, None))
     for begin, mu in ways:
-        point = search.solve_in_steps(program, begin, mu)
+        point = search.solve_in_steps(program, begin, mu, narrow=True)
         if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
-            known = FoundOptimum(program, point, mass_of(program, point))
+            known = again_found(found, program, point)
         # without the multipliers the barrier may lead away from the solution nearby
         near = LIMITED_MASS if begin is warm else same
         if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - near):

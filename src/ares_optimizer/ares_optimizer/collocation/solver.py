@@ -58,6 +58,7 @@ class StoppingPoint:
         violation: largest violation of a row or bound.
         iterations: of the solver.
         regularized: the Hessian was regularised in the last iteration: no strict minimum.
+        unsettled: the length of a coast was held near where it was: its best is not known.
     """
 
     x: Array
@@ -68,6 +69,7 @@ class StoppingPoint:
     violation: float
     iterations: int
     regularized: bool
+    unsettled: bool = False
 
     @property
     def solved(self) -> bool:

@@ -5,6 +5,7 @@ The best length of a coast is a flat optimum: without steps the solver moves it 
 from any flight. Each step begins with what follows the coast turned on.
 """
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -31,9 +32,10 @@ _SHRUNK = 0.35
 _GROWN = 2.0
 _FEW = 18
 _MOST_SCALE = 4.0
+#: First step from a solution on other intervals, and the next, as factors.
+_NARROW = 0.01
+_AFTER_NARROW = 0.25
 _HELD = 0.98
-#: Relative gain of mass by the next step that is next to nothing.
-_FLAT = 1e-5
 
 
 class LengthSteps:
@@ -41,18 +43,25 @@ class LengthSteps:
 
     Attributes:
         known: solution of the last step that was solved; None: none was.
-        is_flat: true if the next step after it would gain next to nothing.
+        gain: of the next step after it, relative to the mass.
     """
 
-    def __init__(self, program: CollocationProgram) -> None:
+    def __init__(self, program: CollocationProgram, narrow: bool = False) -> None:
+        """Begin with the widest step.
+
+        Args:
+            program: its bounds are changed in each step.
+            narrow: the first step holds the lengths nearly: they are those of a solution on other
+                intervals.
+        """
         self.known: StoppingPoint | None = None
-        self.is_flat = False
+        self.gain = math.inf
         self._program = program
         self._lower, self._upper = program.lower.copy(), program.upper.copy()
         self._free = np.flatnonzero(self._lower[program.lengths] < self._upper[program.lengths])
         self._at = program.lengths[self._free]
         self._coasts = program.steering[self._free] == COASTING
-        self._scale, self._failures = 1.0, 0
+        self._scale, self._failures = _NARROW if narrow else 1.0, 0
         #: Side, -1 or 1, on which the last step held each length; 0: it did not.
         self._held = np.zeros(len(self._free))
 
@@ -109,7 +118,7 @@ class LengthSteps:
         """
         if not point.solved:
             self._failures += 1
-            self._scale *= _SHRUNK
+            self._scale = 1.0 if self._scale <= _NARROW else _SHRUNK * self._scale
             return False
         x = begin.x if isinstance(begin, StoppingPoint) else begin
         most = self._most(x)
@@ -119,14 +128,16 @@ class LengthSteps:
             return True
         prices = np.abs(point.at_upper - point.at_lower)[self._at] * most / self._scale
         mass = point.x[self._program.ends[self._program.saving]]
-        self.is_flat = bool(prices[self._held != 0.0].max() < _FLAT * mass)
+        self.gain = float(prices[self._held != 0.0].max() / mass)
         self.known, self._failures = point, 0
-        if point.iterations < _FEW:
+        if self._scale <= _NARROW:
+            self._scale = _AFTER_NARROW
+        elif point.iterations < _FEW:
             self._scale = min(_GROWN * self._scale, _MOST_SCALE)
         return False
 
     def released(self, point: StoppingPoint) -> StoppingPoint:
-        """Return a solution without the multipliers of the bounds of free lengths."""
+        """Return the solution of a step, unsettled, without multipliers of its free lengths."""
         lower, upper = point.at_lower.copy(), point.at_upper.copy()
         lower[self._at] = upper[self._at] = 0.0
-        return replace(point, at_lower=lower, at_upper=upper)
+        return replace(point, at_lower=lower, at_upper=upper, unsettled=True)
