@@ -2,6 +2,7 @@
 """Attitude programmes through the air, from an optimized trajectory."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,13 @@ HANDED_OVER_M_S2 = 0.01
 #: Later hand-overs in each burn, and the share of a burn that is not fixed up to which they go.
 LATER = 8
 LATEST_SHARE = 0.75
+#: Forces of the air, as a share of the thrust, below which a law takes over in a burn that ends
+#: low, where they are not small before that share of it.
+HANDED_OVER_SHARE = 0.01
+#: Error of the direction between two knots that is next to nothing, rad, and rate of the direction
+#: by which an error of the time counts, rad/s.
+_STRAIGHT = 1e-5
+_TURN_RATE = 1e-3
 
 
 class Programme(NamedTuple):
@@ -52,17 +60,47 @@ class Programme(NamedTuple):
         return record
 
     def thinned(self, most: int) -> "Programme":
-        """Return the programme with at most so many knots; the ends of arcs are kept."""
-        stride = math.ceil(len(self.time) / (most - 2 * len(np.unique(self.arc))))
-        inside = np.arange(len(self.time)) % max(1, stride) == 0
-        ends = np.append(np.diff(self.arc) != 0, True)
-        keep = inside | ends | np.append(True, ends[:-1])
-        return self._replace(
-            arc=self.arc[keep],
-            time=self.time[keep],
-            speed=self.speed[keep],
-            direction=self.direction[keep],
-        )
+        """Return the programme with at most so many knots, placed where straight lines fail.
+
+        The law interpolates the time over the speed, then the direction over the time. The ends of
+        arcs are kept.
+        """
+        keep = np.append(np.diff(self.arc) != 0, True)
+        keep |= np.append(True, keep[:-1])
+        while True:
+            knots = np.flatnonzero(keep)
+            off = self._off(knots)
+            # the worst of each interval between two knots
+            worst = [
+                begin + 1 + int(np.argmax(off[begin + 1 : end]))
+                for begin, end in pairwise(knots)
+                if end > begin + 1
+            ]
+            worst = sorted((k for k in worst if off[k] > _STRAIGHT), key=lambda k: -off[k])
+            if not worst or len(knots) == most:
+                return self._replace(
+                    arc=self.arc[keep],
+                    time=self.time[keep],
+                    speed=self.speed[keep],
+                    direction=self.direction[keep],
+                )
+            keep[worst[: most - len(knots)]] = True
+
+    def _off(self, knots: NDArray[np.int64]) -> Array:
+        """Return the error of the direction, rad, between some knots, shape (n,)."""
+        off = np.zeros(len(self.time))
+        for arc in np.unique(self.arc):
+            own = np.flatnonzero(self.arc == arc)
+            there = knots[self.arc[knots] == arc]
+            time, speed = self.time[there], self.speed[there]
+            at = self.time[own]
+            if (np.diff(speed) > 0.0).all():
+                at = np.interp(self.speed[own], speed, time)
+            for c in range(3):
+                straight = np.interp(at, time, self.direction[there, c])
+                off[own] += (straight - self.direction[own, c]) ** 2
+            off[own] = np.maximum(np.sqrt(off[own]), _TURN_RATE * np.abs(at - self.time[own]))
+        return off
 
 
 def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple[Programme, ...]:
@@ -78,6 +116,10 @@ def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple
     first = _hand_over(trajectory, arrays)
     if not trajectory.flown_start_time[0] < first - SAME_TIME:
         return ()
+    for k, start, stop in trajectory.flown():
+        free = arrays.arcs["kind"][k] == BURN and np.isinf(arrays.arcs["duration"][k])
+        if free and start + LATEST_SHARE * (stop - start) < first <= stop:
+            first = max(start, _hand_over(trajectory, arrays, HANDED_OVER_SHARE))
     ends = [first]
     for k, start, stop in trajectory.flown():
         inside = [start]
@@ -154,10 +196,15 @@ def _navigation(trajectory: OfflineTrajectory, t: float, arrays: MissionArrays) 
     return state
 
 
-def _hand_over(trajectory: OfflineTrajectory, arrays: MissionArrays) -> float:
+def _hand_over(trajectory: OfflineTrajectory, arrays: MissionArrays, share: float = 0.0) -> float:
     """Return the time from which the forces of the air are small, s; -inf: always.
 
     A long coast ends the ascent: low perigees after it are no part of it.
+
+    Args:
+        trajectory: of the mission.
+        arrays: the mission.
+        share: of the thrust that is small too.
     """
     environment, atmosphere = arrays.environment[0], arrays.atmosphere
     end = -math.inf
@@ -170,7 +217,7 @@ def _hand_over(trajectory: OfflineTrajectory, arrays: MissionArrays) -> float:
             u = tuple(trajectory.sample_direction[i])
             force = norm(body_force(arc, tuple(r), tuple(v), u, environment, atmosphere))
             force += pressure_loss(arc, tuple(r), environment, atmosphere)
-            if force > HANDED_OVER_M_S2 * trajectory.sample_mass[i]:
+            if force > max(HANDED_OVER_M_S2 * trajectory.sample_mass[i], share * arc["thrust"]):
                 end = max(end, min(float(trajectory.sample_time[i]) + 1.0, stop))
         if arc["vertical"]:
             end = max(end, stop)
