@@ -17,6 +17,7 @@ from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
+    acting_limits,
     free_propellant,
     hamiltonian_spread,
     is_saddle,
@@ -63,6 +64,11 @@ _LEAST_MET = 2
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
 _NOTHING_KG = 0.1
+#: Remedy where the flight turns faster than the intervals of the program resolve.
+_TOO_FAST = (
+    "the vehicle keeps its limits of dynamic pressure and q alpha by sharp turns alone; raise them "
+    "or lower the thrust"
+)
 
 
 def _steering_arcs(
@@ -248,6 +254,8 @@ def verdict_of(
         reason = f"{check_obstacle((broken,))}, when flown by another integrator"
         if propellant < _NOTHING_KG:
             reason += f"; {TOO_MUCH}"
+        elif not proven.exact and acting_limits(proven.found):
+            reason += f"; {_TOO_FAST}"
         return Cause(Status.NOT_OPTIMAL, reason)
     if not math.isfinite(propellant):
         return Cause(Status.FEASIBLE, NOTHING_SAVED)
