@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import OnboardArrays, blank_onboard
 from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.entry import onboard_records
-from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.registry import law_names
+from ares_guidance.settings import LawSettings
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.jit import kernel, specialised
 from ares_models.kernels.records import mission_records

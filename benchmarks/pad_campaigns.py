@@ -11,7 +11,7 @@ import time
 import numpy as np
 from figures import Figures, keep_option
 
-from ares_guidance.law import LawSettings
+from ares_guidance.settings import LawSettings
 from ares_models.mission import load_mission
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import reach

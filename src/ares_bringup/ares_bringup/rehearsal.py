@@ -12,7 +12,7 @@ from ares_bringup.insertion import judgement
 from ares_bringup.options import PEG, CannotStart, refusal
 
 if TYPE_CHECKING:
-    from ares_guidance.law import LawSettings
+    from ares_guidance.settings import LawSettings
     from ares_models.mission import Mission
     from ares_optimizer.solution import Solution
     from ares_vehicle_sim.simulator import SimulatorOptions
@@ -124,8 +124,8 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     Raises:
         ValueError: there is none; one line.
     """
-    from ares_guidance.law import LawSettings
     from ares_guidance.laws import find_law
+    from ares_guidance.settings import LawSettings
     from ares_studies.closed_loop import plan_solution
     from ares_vehicle_sim.simulator import SimulatorOptions
 

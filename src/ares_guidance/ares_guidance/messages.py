@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.floor import lowest_coast
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import Law
 from ares_guidance.laws import check_law, make_law
 from ares_guidance.plan import plan_of
+from ares_guidance.settings import LawSettings
 from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.input_file import read_text

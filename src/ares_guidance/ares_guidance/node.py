@@ -33,10 +33,11 @@ from ares_guidance.findings import (
     describe,
     describe_avoiding,
 )
-from ares_guidance.law import BOOST_STEERINGS, HEATING_SOURCES, LawSettings, why_no_plan
+from ares_guidance.law import why_no_plan
 from ares_guidance.laws import FindsNoWay, check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.registry import law_names
+from ares_guidance.settings import BOOST_STEERINGS, HEATING_SOURCES, LawSettings
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory

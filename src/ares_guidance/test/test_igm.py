@@ -17,8 +17,8 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
 )
 from ares_guidance.kernels.prediction.segments import thrust_integrals
-from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
+from ares_guidance.settings import LawSettings
 from ares_models.kernels.targets import desired_state, plane_normal
 from ares_models.kernels.vectors import cross, load
 from ares_models.mission import list_missions, load_mission

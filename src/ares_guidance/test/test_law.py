@@ -13,7 +13,8 @@ from ares_guidance.arrays import (
     PHASE_HOLD,
     PHASE_TRACKING,
 )
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import Law
+from ares_guidance.settings import LawSettings
 from ares_models.mission import list_missions, load_mission
 from ares_trials.testing.laws import first_navigation, step_anew
 

@@ -15,7 +15,7 @@ from ares_guidance.kernels.prediction.segments import (
     plan_segments,
     thrust_integrals,
 )
-from ares_guidance.law import LawSettings
+from ares_guidance.settings import LawSettings
 from ares_models.arrays import (
     ARC,
     BURN,

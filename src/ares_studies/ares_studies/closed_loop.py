@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.law import Law, LawKind, LawSettings, why_no_plan
+from ares_guidance.law import Law, LawKind, why_no_plan
 from ares_guidance.laws import check_law, make_law
 from ares_guidance.plan import ArcPlan, plan_of
+from ares_guidance.settings import LawSettings
 from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.failures import Failure
 from ares_models.mission import Mission

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ares_guidance.arrays import ERROR_PROPELLANT_SHORT
-from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law, find_law, make_law
 from ares_guidance.plan import ArcPlan
+from ares_guidance.settings import LawSettings
 from ares_models.judge import End
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements

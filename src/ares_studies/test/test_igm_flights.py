@@ -7,8 +7,8 @@ from importlib import resources
 import pytest
 import yaml
 
-from ares_guidance.law import LawSettings
 from ares_guidance.laws import make_law
+from ares_guidance.settings import LawSettings
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements, Insertion
 from ares_studies.closed_loop import Flight, fly_compiled, fly_stepwise, ready_law

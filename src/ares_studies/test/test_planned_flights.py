@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 from ares_guidance import laws
 from ares_guidance.arrays import ERROR_TIME_TO_GO_JUMP
 from ares_guidance.kernels.plans.legs import time_coast
-from ares_guidance.law import LawSettings
 from ares_guidance.laws import FindsNoWay, check_law, find_law, make_law
 from ares_guidance.plan import ArcPlan, plan_of
+from ares_guidance.settings import LawSettings
 from ares_models.arrays import COAST as KIND_COAST
 from ares_models.arrays import (
     NAVIGATION,

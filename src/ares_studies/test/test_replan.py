@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from ares_guidance.law import LawSettings
 from ares_guidance.laws import make_law
 from ares_guidance.plan import plan_of
+from ares_guidance.settings import LawSettings
 from ares_models.failures import Failure, FailureKind
 from ares_models.judge import End
 from ares_models.mission import load_mission

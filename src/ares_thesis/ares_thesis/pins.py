@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import Law
+from ares_guidance.settings import LawSettings
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
 from ares_optimizer.solution import Solution

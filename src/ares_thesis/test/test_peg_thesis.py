@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from ares_guidance.arrays import LAW_PEG, PHASE_CONVERGING, PHASE_HOLD
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import Law
 from ares_guidance.laws import make_law
 from ares_guidance.registry import law_names
+from ares_guidance.settings import LawSettings
 from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import NAVIGATION
 from ares_models.mission import load_mission

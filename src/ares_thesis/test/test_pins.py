@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ares_guidance.law import LawSettings
+from ares_guidance.settings import LawSettings
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law

@@ -26,7 +26,7 @@ from ares_bringup.progress import bar
 from ares_bringup.rehearsal import rehearse
 from ares_bringup.report import console, number, shown_path
 from ares_bringup.whole_file import write_whole
-from ares_guidance.law import LawSettings
+from ares_guidance.settings import LawSettings
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.judge import FIGURES

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NOT_CONVERGED, ERROR_TARGET_UNREACHABLE, STEEPEST
 from ares_guidance.kernels.plans.floor import lowest_altitude
-from ares_guidance.law import Law, LawKind, LawSettings
+from ares_guidance.law import Law, LawKind
 from ares_guidance.plan import ArcPlan
 from ares_guidance.registry import GROUP, law_names
+from ares_guidance.settings import LawSettings
 from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_TRUE_ANOMALY, MissionArrays
 from ares_models.kernels.targets import names
 from ares_models.orbits import Insertion

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import blank_onboard
-from ares_guidance.law import LawSettings
 from ares_guidance.plan import ArcPlan
+from ares_guidance.settings import LawSettings
 from ares_models.failures import Failure, check_failure
 from ares_models.mission import Mission
 from ares_studies.arrays import closed_loop

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs
+from ares_guidance.law import Law, LawKind, name_free_arcs
 from ares_guidance.plan import plan_of
+from ares_guidance.settings import LawSettings
 from ares_guidance.trajectory import OfflineTrajectory
 from ares_models.arrays import (
     BURN,
