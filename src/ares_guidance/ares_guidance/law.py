@@ -86,7 +86,7 @@ def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> 
     Args:
         name: of the law.
         code: `law` of GuidanceStatus.
-        seek: kernel with the arguments and results of `kernels.convergence.seek`.
+        seek: kernel with the arguments and results of `kernels.laws.convergence.seek`.
     """
     cycle = specialised("ares_guidance.kernels.cycle", f"of_{name}", seek=seek)
     legs = specialised(
@@ -101,7 +101,7 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
     Args:
         name: of the law.
         code: `law` of GuidanceStatus.
-        iterate: kernel with the arguments and results of `kernels.peg.iterate`.
+        iterate: kernel with the arguments and results of `kernels.laws.peg.iterate`.
     """
     convergence = specialised(
         "ares_guidance.kernels.laws.convergence", f"of_{name}", iterate=iterate, LAW=code
