@@ -315,8 +315,8 @@ class Search:
     ) -> StoppingPoint:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
-        Steps that are given up keep the last one if the next would gain next to nothing, or, in a
-        start, if its flight is better than all known ones; it is unsettled then.
+        Steps that are given up keep the last one, unsettled: in a start if the next would gain next
+        to nothing, or if its flight is better than all known ones.
 
         Args:
             program: the program.
@@ -335,9 +335,9 @@ class Search:
                 return point
             if steps.gave_up or self.iterations >= last:
                 known, in_start = steps.known, math.isfinite(self._most_iterations)
-                flat = steps.gain < (_FLAT if in_start else _FLAT_WHEN_REFINED)
-                best_kg = self.best.m_f_kg if in_start and self.best else math.inf
-                if known and (flat or mass_of(program, known) > best_kg):
+                best_kg = self.best.m_f_kg if self.best is not None else math.inf
+                fit = not in_start or steps.gain < _FLAT
+                if known and (fit or mass_of(program, known) > best_kg):
                     return steps.released(known)
                 return replace(point, status=GIVEN_UP)
             if point.solved:
@@ -524,8 +524,9 @@ def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
 def again_found(
     found: FoundOptimum, program: CollocationProgram, point: StoppingPoint
 ) -> FoundOptimum:
-    """Return a solution of a program like that of another one, settled if that was."""
-    point = replace(point, unsettled=point.unsettled and found.point.unsettled)
+    """Return a solution of a program, settled if it is flat and another one like it was settled."""
+    if point.unsettled < _FLAT_WHEN_REFINED and not found.point.unsettled:
+        point = replace(point, unsettled=0.0)
     return FoundOptimum(program, point, mass_of(program, point))
 
 

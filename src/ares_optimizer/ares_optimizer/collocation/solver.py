@@ -58,7 +58,8 @@ class StoppingPoint:
         violation: largest violation of a row or bound.
         iterations: of the solver.
         regularized: the Hessian was regularised in the last iteration: no strict minimum.
-        unsettled: the length of a coast was held near where it was: its best is not known.
+        unsettled: relative gain of mass by the next step, where the length of a coast was held near
+            where it was, and its best is not known; 0: it was not held.
     """
 
     x: Array
@@ -69,7 +70,7 @@ class StoppingPoint:
     violation: float
     iterations: int
     regularized: bool
-    unsettled: bool = False
+    unsettled: float = 0.0
 
     @property
     def solved(self) -> bool:

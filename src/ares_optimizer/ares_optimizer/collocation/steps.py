@@ -140,4 +140,4 @@ class LengthSteps:
         """Return the solution of a step, unsettled, without multipliers of its free lengths."""
         lower, upper = point.at_lower.copy(), point.at_upper.copy()
         lower[self._at] = upper[self._at] = 0.0
-        return replace(point, at_lower=lower, at_upper=upper, unsettled=True)
+        return replace(point, at_lower=lower, at_upper=upper, unsettled=self.gain)
