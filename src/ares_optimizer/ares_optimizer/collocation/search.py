@@ -14,10 +14,7 @@ from ares_models.kernels.environment import altitude
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING
-from ares_optimizer.collocation.carry import (
-    carried_point,
-    carried_variables,
-)
+from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.guess import guess_of
 from ares_optimizer.collocation.intervals import Sweep, sweep_of
 from ares_optimizer.collocation.pilot import TrialFlight
@@ -81,8 +78,8 @@ _SAGS = 1e3
 #: Initial barrier parameter near a solution, and in a corner of its limits.
 _NEAR = 1e-4
 CORNER = 1e-6
-#: Relative gain of mass by the next step that is next to nothing: in a start, and on finer
-#: intervals, where the last of a hundred such steps would be noticed.
+#: Relative gain of mass by the next step that is next to nothing: in a start, and on the finer
+#: intervals after it.
 _FLAT = 1e-5
 _FLAT_WHEN_REFINED = 1e-6
 #: Most iterations of one solution in steps, of a start, and of a start when a solution is known.

@@ -20,8 +20,8 @@ from ares_optimizer.collocation.transcription import CollocationProgram
 
 Array = NDArray[np.float64]
 
-#: Most change of a coast, rad of a low circular orbit,
-#: and of a burn, as a share and s. Beyond that the linear model of the solver is far off.
+#: Most change of a coast, rad of a low circular orbit, and of a burn, as a share and s. Beyond that
+#: the linear model of the solver is far off.
 _STEP_COAST = 0.2
 _STEP_BURN = 0.2
 _STEP_BURN_S = 10.0
@@ -32,10 +32,15 @@ _SHRUNK = 0.35
 _GROWN = 2.0
 _FEW = 18
 _MOST_SCALE = 4.0
+_HELD = 0.98
 #: First step from a solution on other intervals, and the next, as factors.
 _NARROW = 0.01
 _AFTER_NARROW = 0.25
-_HELD = 0.98
+
+
+def _variables(begin: Array | StoppingPoint) -> Array:
+    """Return the variables with which a step begins."""
+    return begin.x if isinstance(begin, StoppingPoint) else begin
 
 
 class LengthSteps:
@@ -95,7 +100,7 @@ class LengthSteps:
             begin: first guess, shape (n,), or the solution of the last step.
         """
         program, first = self._program, begin
-        x = begin.x if isinstance(begin, StoppingPoint) else begin
+        x = _variables(begin)
         most = self._most(x)
         low, high = self._lower[self._at], self._upper[self._at]
         if isinstance(begin, StoppingPoint) and self._held.any():
@@ -120,7 +125,7 @@ class LengthSteps:
             self._failures += 1
             self._scale = 1.0 if self._scale <= _NARROW else _SHRUNK * self._scale
             return False
-        x = begin.x if isinstance(begin, StoppingPoint) else begin
+        x = _variables(begin)
         most = self._most(x)
         moved = point.x[self._at] - x[self._at]
         self._held = np.sign(moved) * (np.abs(moved) >= _HELD * most)
