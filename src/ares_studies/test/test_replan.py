@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Law `optimal` in the air: the flight solved anew in each cycle, beside the programme."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from ares_guidance.arrays import FOUND_ENGINE_LOST, FOUND_NOTHING, FOUND_THRUST_LOW
 from ares_guidance.laws import make_law
 from ares_guidance.plan import plan_of
 from ares_guidance.settings import LawSettings
@@ -26,13 +29,15 @@ def launcher():
     return mission, solve(mission, "auto")
 
 
-def flown(mission, solution, boost, **given):
-    """Fly by law `optimal` to the target; return the flight."""
+def flown(mission, solution, boost, failure=None, **given):
+    """Fly by law `optimal` to the target, without a false alarm; return the flight."""
     arrays = mission.arrays(foreseen=True)
     law = make_law("optimal", arrays, LawSettings(boost_steering=boost))
     law.follow_arcs(plan_of(offline_trajectory(solution), arrays))
-    flight = fly_stepwise(mission, law=law, **given)
+    flight = fly_stepwise(mission, law=law, failure=failure, **given)
     assert judged(mission, flight.plant).end is End.TARGET
+    if failure is None:
+        assert flight.guidance["found"]["kind"] == FOUND_NOTHING
     return flight
 
 
@@ -55,6 +60,30 @@ def test_replan_saves_propellant_where_an_engine_fails(launcher):
         for boost in ("programme", "replan")
     )
     assert replan - programme > 100.0
+
+
+ENGINE_OUT = Failure(FailureKind.ENGINE_OUT, 3.3, thrust_ratio=8.0 / 9.0)
+
+
+@pytest.mark.parametrize(
+    ("failure", "kind"),
+    [
+        (ENGINE_OUT, FOUND_ENGINE_LOST),
+        # near the greatest dynamic pressure
+        (replace(ENGINE_OUT, time_s=60.0), FOUND_ENGINE_LOST),
+        # mass flow as before: sensed through the drag
+        (
+            Failure(FailureKind.THRUST_LOW, 60.0, thrust_ratio=0.95, flow_ratio=1.0),
+            FOUND_THRUST_LOW,
+        ),
+    ],
+)
+@pytest.mark.parametrize("boost", ["programme", "replan"])
+def test_a_failure_in_the_air_is_found_at_once(launcher, boost, failure, kind):
+    found = flown(*launcher, boost, failure=failure).guidance["found"]
+    assert found["kind"] == kind
+    assert found["ratio"] == pytest.approx(failure.thrust_ratio, abs=0.002)
+    assert failure.time_s < found["first_time"] <= failure.time_s + 2.0
 
 
 @pytest.mark.trial

@@ -14,7 +14,7 @@ from ares_guidance.arrays import (
     Onboard,
 )
 from ares_guidance.kernels.monitors.answers import watch_answer
-from ares_guidance.kernels.monitors.failures import vehicle_left
+from ares_guidance.kernels.monitors.failures import detect_failures, vehicle_left
 from ares_guidance.kernels.monitors.impact import hand_back, keep_out
 from ares_guidance.kernels.monitors.navigation_gate import ACCEPTED, REFUSED, admit
 from ares_guidance.kernels.plans.legs import step_by_legs as guidance_step
@@ -48,6 +48,22 @@ def step_law(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
 
 
 @kernel
+def boost_step(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Answer by the attitude programme, and check for failures; return False if the law is next."""
+    state = onboard.state
+    if state.left.count == 0:
+        flies = flies_programme(mission, onboard)
+    else:
+        flies = flies_programme(vehicle_left(mission, state), onboard)
+    if flies:
+        # a solution in the air is continued with the vehicle that is left
+        solved = state.optimal.solved
+        detect_failures(mission, onboard)
+        state.optimal.solved = solved
+    return flies
+
+
+@kernel
 def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
     """Answer one navigation state; a refused one gets the last answer, continued in time.
 
@@ -68,7 +84,7 @@ def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> N
         state.error = ERROR_NONE
     if watch.acquired != acquired and watch.accepted == 1:
         begin_anew(state)
-    if flies_programme(mission, onboard):
+    if boost_step(mission, onboard):
         return
     if mission.environment.area_count > 0:
         hand_back(onboard)

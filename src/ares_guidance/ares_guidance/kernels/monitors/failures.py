@@ -25,10 +25,11 @@ from ares_guidance.arrays import (
 )
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionRecords, Record
 from ares_models.jit import inlined, kernel
+from ares_models.kernels.aerodynamics import body_force, is_in_air, pressure_loss
 from ares_models.kernels.sequence import aboard, drop_time, empty_mass, last_ignition
 from ares_models.kernels.throttle import FULL, LEAST, LIMITED, throttle_regime
 from ares_models.kernels.thrust_curve import start_length, tail_length
-from ares_models.kernels.vectors import load, norm, store, sub
+from ares_models.kernels.vectors import Vector, axpy, load, norm, scale, store, sub, unit
 from ares_models.kernels.weakened import weaken_stage
 
 #: Period of the checks, s.
@@ -396,6 +397,29 @@ def run_checks(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
+def without_air(mission: MissionRecords, onboard: Onboard, gained: Vector) -> Vector:
+    """Return the velocity that the thrust would have gained in vacuum since the last state, m/s.
+
+    The forces of the air are those of the mission's air and tables.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: state of guidance.
+        gained: sensed since the last state, m/s.
+    """
+    nav = onboard.navigation
+    arc = mission.arcs[nav.arc]
+    if arc.kind != BURN or not is_in_air(arc) or norm(gained) == 0.0:
+        return gained
+    r, u = load(nav.position), unit(gained)
+    environment, atmosphere = mission.environment, mission.atmosphere
+    lost = pressure_loss(arc, r, environment, atmosphere)
+    force = body_force(arc, r, load(nav.velocity), u, environment, atmosphere)
+    span = onboard.state.navigation.interval
+    return axpy(span / nav.mass, sub(scale(lost, u), force), gained)
+
+
+@kernel
 def detect_failures(mission: MissionRecords, onboard: Onboard) -> None:
     """Check for failures once per second.
 
@@ -404,8 +428,9 @@ def detect_failures(mission: MissionRecords, onboard: Onboard) -> None:
     state = onboard.state
     now = onboard.navigation.time
     sensed = load(onboard.navigation.sensed_delta_v)
+    gained = sub(sensed, load(state.found.sensed_delta_v))
     # sum over the states: a turn between two checks is no loss of thrust
-    state.found.gain += norm(sub(sensed, load(state.found.sensed_delta_v)))
+    state.found.gain += norm(without_air(mission, onboard, gained))
     store(state.found.sensed_delta_v, sensed)
     if onboard.steering.cutoff_time <= now:
         # the thrust ends now by command
