@@ -260,9 +260,11 @@ def test_a_second_simulator_does_not_start(graph):
 
 def test_a_simulator_that_is_not_active_yet_yields_to_one_that_flies(graph):
     graph.start(VehicleSimNode)
+    graph.add(ScriptedGuidance(graph.context))
+    # of two that wait, either may go on
+    graph.spin(lambda: answers(graph) > 5)
     second = graph.add(VehicleSimNode(context=graph.context))
     assert second.trigger_configure() == TransitionCallbackReturn.SUCCESS
-    graph.add(ScriptedGuidance(graph.context))
     graph.spin(lambda: second.done)
     assert second.failure == "another simulator already publishes /ares/nav_state"
     graph.spin(lambda: answers(graph) > 20)

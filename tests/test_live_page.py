@@ -25,6 +25,8 @@ from ares_trials.testing.pages import FIGURES, SIZES, THEMES, illegible
 from ares_view.live.address import listen
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
+#: A flight of five minutes, which a slow browser sees; the tests hurry it in the end.
+SLOWLY = ("--pace", "0.5")
 #: What the page calls what it sees.
 STATE = "document.documentElement.dataset.state"
 #: Charts whose drawing has come to the last state.
@@ -231,7 +233,7 @@ def test_updates_come_and_no_more_than_twenty_a_second(flown, opened):
 
 
 def test_what_is_no_command_disturbs_nothing(flown, opened):
-    flight = flown("--pace", "5", "--no-record")
+    flight = flown(*SLOWLY, "--no-record")
     page = opened(flight.url)
     wait_for_state(page, "Live")
     page.evaluate("""live.socket.send('{"command": "pace", "value": -3}')""")
@@ -243,7 +245,7 @@ def test_what_is_no_command_disturbs_nothing(flown, opened):
 
 
 def test_a_server_that_is_killed_is_missed_by_nobody(flown, opened, tmp_path, graph):
-    flight = flown("--pace", "5", "--bag", str(tmp_path / "bag"))
+    flight = flown(*SLOWLY, "--bag", str(tmp_path / "bag"))
     page = opened(flight.url)
     wait_for_state(page, "Live")
     os.kill(flight.live_process(), signal.SIGKILL)
@@ -275,7 +277,7 @@ def test_a_server_that_stands_still_holds_nobody_up(flown, opened):
 
 
 def test_a_flight_that_stops_is_not_shown_as_live(flown, opened):
-    flight = flown("--pace", "5", "--no-record")
+    flight = flown(*SLOWLY, "--no-record")
     page = opened(flight.url)
     wait_for_state(page, "Live")
     simulator = flight.node("ares_vehicle_sim")
@@ -288,7 +290,7 @@ def test_a_flight_that_stops_is_not_shown_as_live(flown, opened):
 
 
 def test_in_one_process(flown, opened):
-    flight = flown("--pace", "5", "--in-process", "--no-record")
+    flight = flown(*SLOWLY, "--in-process", "--no-record")
     page = opened(flight.url)
     wait_for_state(page, "Live")
     page.locator("[data-pace='0']").click()
@@ -317,7 +319,7 @@ def test_what_was_missed_is_told_and_why_there_is_no_report(tmp_path, ros_enviro
 
 
 def test_an_interrupted_flight_says_so(flown, opened):
-    flight = flown("--pace", "5", "--no-record")
+    flight = flown(*SLOWLY, "--no-record")
     page = opened(flight.url)
     wait_for_state(page, "Live")
     flight.process.send_signal(signal.SIGINT)
@@ -490,7 +492,7 @@ def test_a_page_of_its_own_finds_the_flight(ros_environment, flown, opened):
     with started(ros_environment, "live", "--no-browser") as viewer:
         page = opened(viewer.url)
         wait_for_state(page, "Waiting for the flight")
-        flight = flown("--pace", "5", "--no-record")
+        flight = flown(*SLOWLY, "--no-record")
         wait_for_state(page, "Live")
         page.locator("[data-pace='0']").click()
         wait_for_state(page, "Flight over")

@@ -18,6 +18,7 @@ from ares_models.mission import MISSION, TEMPLATE, Mission, list_missions, load_
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_stepwise, offline_trajectory
 from ares_studies.montecarlo.flights import FlightRange, Settings
+from ares_trials.testing.samples import one_in
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.proposal import propose
 
@@ -165,7 +166,7 @@ def test_new_dispersions_name_the_reason_of_each_value(capfd):
     assert "# latency_s: 0.0  # from a navigation state until" in text
 
 
-@pytest.mark.parametrize("name", list_missions())
+@pytest.mark.parametrize("name", one_in(6, list_missions()))
 def test_what_is_proposed_is_drawn(name):
     mission = load_mission(name)
     assert not FlightRange(Settings(mission, proposed(mission), law="optimal")).fly(0, 1).errors

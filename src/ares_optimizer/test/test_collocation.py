@@ -35,6 +35,7 @@ from ares_optimizer.floor_check import below_floor, depth_below_ground
 from ares_optimizer.request import Heating, Request, arrays_and_state
 from ares_optimizer.solution import Check, ConstraintCheck, Solution, Status, UnfitMethod
 from ares_optimizer.solve import solve
+from ares_trials.testing.samples import one_in
 
 MISSIONS = Path(__file__).parent / "missions"
 LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
@@ -64,8 +65,6 @@ MISSED = {
 }
 #: Launchers whose least throttle is reached earlier, and later, than in any start.
 THROTTLED = {"f9_escape": 8_600.816, "shuttle_oms": 125_847.1014}
-#: Those that take seconds.
-LONG = ("coast_18", "free_restart", "long_weak_burn", "nearly_there", "two_waits")
 SAME = 1e-5  # of the mass
 
 
@@ -146,10 +145,7 @@ def test_derivatives_are_those_of_the_rows(name: str) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.trial] if name in LONG else [])
-        for name in (*SHIPPED, *MISSED, *THROTTLED)
-    ],
+    [*one_in(4, SHIPPED), *one_in(4, MISSED), *one_in(2, reversed(THROTTLED))],
 )
 def test_what_another_program_found_is_found(solutions: dict[str, Solution], name: str) -> None:
     found = solved(solutions, name)
