@@ -5,8 +5,8 @@
         [--failures N] [--threads N] [--keep]
 
 False alarms: dispersed flights without failure, of `ares_v` and of every other shipped mission of
-which only the last burn is free, above the air and from the pad. Found: dispersed flights with one failure each, of random kind, time
-and size; see docs/aborts.md.
+which only the last burn is free, above the air and from the pad. Found: dispersed flights with one
+failure each, of random kind, time and size; see docs/aborts.md.
 """
 
 import argparse
