@@ -37,6 +37,8 @@ from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs
 #: the end: a law that needs more is lost, one that believes to need less finds its way.
 SAME_END = 0.005
 MOST_EARLY = 0.1
+#: Share of the planned velocity from which a law must find its way too.
+SLOWER = 1.0 - 1e-4
 
 
 @dataclass(frozen=True)
@@ -258,6 +260,9 @@ class Law:
     def _excess(self, plan: ArcPlan, programme: Programme) -> tuple[int, float]:
         """Return the leg after a programme, and how much more the law believes that it burns.
 
+        A law that finds its way from the planned state alone, and not from one beside it, finds
+        none: a solid motor that must give all it has meets the planned end exactly, or not at all.
+
         Args:
             plan: of the mission.
             programme: after which the law takes over, at the planned state.
@@ -266,18 +271,30 @@ class Law:
             index of the last arc of the leg; propellant beyond the plan as a fraction of the mass
             at the end of the leg, inf if the law finds no way.
         """
+        for share in (SLOWER, 1.0):
+            last, late = self._first_answer(plan, programme, share)
+            if math.isinf(late):
+                return last, late
+        return last, late * float(self._arrays.arcs["mass_flow"][last]) / plan.arc_ends_kg[last]
+
+    def _first_answer(self, plan: ArcPlan, programme: Programme, share: float) -> tuple[int, float]:
+        """Return the leg after a programme, and how much later than planned the law ends it, s.
+
+        Args:
+            plan, programme: as in :meth:`_excess`.
+            share: of the planned velocity at which the law begins.
+        """
         self._programme = None
         self._begin()
         self.onboard.navigation[0] = programme.state[0]
+        self.onboard.navigation[0]["velocity"] *= share
         self._answer(self._arrays, self.onboard)
         by_legs = bool(self.state["plan"]["made"]) and int(self.state["leg"]["count"]) > 0
         last = int(self.state["leg"]["count"]) - 1 if by_legs else len(self._arrays.arcs) - 1
         answer = self.state["leg"]["steering"] if by_legs else self.steering[0]
         late = float(answer["cutoff_time"]) - plan.arc_ends_s[last]
         sound = self.phase > PHASE_CONVERGING and self.state["error"] == ERROR_NONE
-        if not (sound and math.isfinite(late)):
-            return last, math.inf
-        return last, late * float(self._arrays.arcs["mass_flow"][last]) / plan.arc_ends_kg[last]
+        return last, late if sound and math.isfinite(late) else math.inf
 
     @property
     def by_plan(self) -> bool:
