@@ -130,7 +130,7 @@ def optimize(
     window: LaunchWindow = None,
     time_limit: Annotated[
         float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
-    ] = 30.0,
+    ] = 120.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     out: Annotated[
         Path | None, typer.Option(help="Write the optimum as a page into this file (.html).")

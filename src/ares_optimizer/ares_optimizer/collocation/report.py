@@ -44,6 +44,7 @@ from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     NOTHING_SAVED,
     OPTIMAL,
+    OUT_OF_TIME,
     TOO_MUCH,
     Cause,
     Check,
@@ -254,6 +255,8 @@ def verdict_of(
         reason = f"{check_obstacle((broken,))}, when flown by another integrator"
         if propellant < _NOTHING_KG:
             reason += f"; {TOO_MUCH}"
+        elif search.request.deadline.passed:
+            return Cause(Status.TIME_LIMIT, f"{OUT_OF_TIME.reason}: {reason}")
         elif not proven.exact and acting_limits(proven.found):
             reason += f"; {_TOO_FAST}"
         return Cause(Status.NOT_OPTIMAL, reason)
