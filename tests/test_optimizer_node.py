@@ -75,11 +75,15 @@ def test_the_optimum_is_served_whole(served):
 
 
 def test_a_plan_by_legs_is_served_and_read_as_one(monkeypatch):
-    found = messages.solve
+    found = messages.solve_once
     asked = SolveTrajectory.Request(mission="ares_v")
     service = messages.RequestServer("ares_v", "indirect", 10.0)
     assert not service.answer(asked).by_legs
-    monkeypatch.setattr(messages, "solve", lambda *a, **k: replace(found(*a, **k), by_legs=True))
+
+    def by_legs(*given, **more):
+        return replace(found(*given, **more), by_legs=True)
+
+    monkeypatch.setattr(messages, "solve_once", by_legs)
     assert _trajectory(service.answer(asked)).by_legs
 
 
@@ -149,7 +153,7 @@ def test_the_error_code_follows_from_the_status(served, monkeypatch, status, cod
         time.sleep(0.05)
         return failed("direct11", cause)
 
-    monkeypatch.setattr("ares_optimizer.messages.solve", late)
+    monkeypatch.setattr("ares_optimizer.messages.solve_once", late)
     answer = served(method="direct11", time_limit=0.01)
     assert answer.error_code == code
     assert answer.message == cause.reason

@@ -22,9 +22,9 @@ def plans():
     """Solve each plan once for all callers."""
     found = {}
 
-    def once(mission, law, time_limit_s):
+    def once(mission, law, time_limit_s, verify):
         if mission.name not in found:
-            found[mission.name] = plan_solution(mission, law, time_limit_s=time_limit_s)
+            found[mission.name] = plan_solution(mission, law, None, time_limit_s, verify)
         return found[mission.name]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -2,14 +2,17 @@
 """Fly a mission ahead, before the nodes start, to check that its law reaches the target."""
 
 import math
-from collections.abc import Mapping
-from contextlib import suppress
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, fields
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ares_bringup.facts import facts_of
 from ares_bringup.insertion import judgement
 from ares_bringup.options import PEG, CannotStart, refusal
+from ares_optimizer.registry import SHARED_SOLUTIONS
 
 if TYPE_CHECKING:
     from ares_guidance.settings import LawSettings
@@ -104,6 +107,18 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     return f"law {law} is {loss}"
 
 
+@contextmanager
+def shared_plan() -> Iterator[None]:
+    """Let the optimizer node find the plan of the rehearsal, in a temporary folder."""
+    with ExitStack() as held:
+        # without room for one the node searches itself
+        with suppress(OSError):
+            folder = TemporaryDirectory(prefix="ares_solutions_", ignore_cleanup_errors=True)
+            os.environ[SHARED_SOLUTIONS] = held.enter_context(folder)
+            held.callback(os.environ.pop, SHARED_SOLUTIONS, None)
+        yield
+
+
 def asks_for_plan(mission: "Mission", law: str) -> bool:
     """Return whether a law flies a mission by a plan only because it finds no way without one.
 
@@ -136,7 +151,9 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
-    plan = plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s"))
+    # verified, as the optimizer node asks for it: in one process it is found there again
+    limit_s = flown.get("plan_timeout_s")
+    plan = plan_solution(mission, find_law(law), time_limit_s=limit_s, verify=True)
     return _Rehearsal(
         mission,
         plan,

@@ -25,9 +25,9 @@ from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.deadline import Deadline, Progress
+from ares_optimizer.kept import solve_once
 from ares_optimizer.registry import AUTO, COLLOCATION, INDIRECT_METHODS, method_names
 from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
-from ares_optimizer.solve import solve
 
 Response: Any = SolveTrajectory.Response
 
@@ -153,7 +153,7 @@ class RequestServer:
     """Answer requests, one after the other."""
 
     def __init__(self, mission: str, method: str, time_limit_s: float) -> None:
-        """Solve the server's mission once, so that the solver is compiled.
+        """Solve the server's mission once: the solver is compiled, and the solution kept.
 
         Args:
             mission: default mission of a request.
@@ -228,12 +228,12 @@ class RequestServer:
 
 def _solve(mission: Prepared, method: str, state: NDArray[np.void], deadline: Deadline) -> Solution:
     """Solve without verification where the method does not need it for its trajectory."""
-    return solve(
+    return solve_once(
         mission.arrays,
         method,
-        state=state,
-        heating=mission.heating,
-        deadline=deadline,
+        state,
+        mission.heating,
+        deadline,
         verify=method not in (AUTO, COLLOCATION, *INDIRECT_METHODS),
     )
 

@@ -96,10 +96,13 @@ def plan_solution(
     Raises:
         ValueError: the optimizer finds no plan, or one through the ground; one line.
     """
-    from ares_optimizer.solve import solve  # slow to import
+    from ares_optimizer.deadline import Deadline
+    from ares_optimizer.kept import solve_once  # slow to import
 
     arrays = mission.arrays(foreseen=True)
-    solution = solve(mission, "auto", state=state, verify=verify, time_limit_s=time_limit_s)
+    begin = mission.start().navigation() if state is None else state
+    heating, deadline = mission.heating_limit_holds, Deadline(time_limit_s)
+    solution = solve_once(mission.arrays(), "auto", begin, heating, deadline, verify=verify)
     if not solution.flyable:
         raise ValueError(why_no_plan(law.name, arrays, solution.reason))
     try:

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keep the last solutions for those who ask again.
+
+A flight from the pad is planned before its nodes start, by the optimizer node when it starts, and
+when guidance asks. The search takes seconds and finds the same each time.
+"""
+
+import os
+import pickle
+import threading
+from collections import OrderedDict
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.registry import METHODS, SHARED_SOLUTIONS
+from ares_optimizer.solution import Solution
+from ares_optimizer.solve import solve
+
+#: Most solutions that are kept.
+_MOST = 8
+
+_kept: OrderedDict[bytes, Solution] = OrderedDict()
+_lock = threading.Lock()
+
+
+def solve_once(
+    arrays: MissionArrays,
+    method: str,
+    state: NDArray[np.void],
+    heating: str,
+    deadline: Deadline,
+    *,
+    verify: bool = True,
+) -> Solution:
+    """Solve a mission, or return the solution that was found before from the same inputs.
+
+    It was found by this process, or by one that shares its solutions: see
+    :data:`ares_optimizer.registry.SHARED_SOLUTIONS`.
+
+    What a limit of time may have changed is not kept, nor what a registered method found.
+
+    Args:
+        arrays: the mission.
+        method, state, heating, deadline, verify: as in :func:`ares_optimizer.solve.solve`.
+
+    Raises:
+        OptimizerError: unknown method, or bad state.
+    """
+    key = _key_of(arrays, method, state, heating, verify)
+    with _lock:
+        known = _kept.get(key) or _shared(key)
+    if known is not None and not deadline.passed:
+        return known
+    solution = solve(arrays, method, state=state, heating=heating, deadline=deadline, verify=verify)
+    if method in METHODS and not deadline.passed:
+        with _lock:
+            _kept[key] = solution
+            if len(_kept) > _MOST:
+                _kept.popitem(last=False)
+            _share(key, solution)
+    return solution
+
+
+def _file_of(key: bytes) -> Path | None:
+    """Return the file of a shared solution; None: none is shared."""
+    folder = os.environ.get(SHARED_SOLUTIONS)
+    return Path(folder, key.hex()) if folder else None
+
+
+def _shared(key: bytes) -> Solution | None:
+    """Return a solution of another process; None: there is none."""
+    file = _file_of(key)
+    if file is None or not file.is_file():
+        return None
+    solution: Solution = pickle.loads(file.read_bytes())
+    return solution
+
+
+def _share(key: bytes, solution: Solution) -> None:
+    """Share a solution with processes that are started from now on."""
+    file = _file_of(key)
+    if file is None:
+        return
+    # without room, or without the folder, the others search themselves
+    with suppress(OSError):
+        new = file.with_suffix(f".{os.getpid()}")
+        new.write_bytes(pickle.dumps(solution))
+        new.replace(file)
+
+
+def _key_of(
+    arrays: MissionArrays, method: str, state: NDArray[np.void], heating: str, verify: bool
+) -> bytes:
+    """Return a hash of all that a solution depends on."""
+    inputs = sha256(f"{method} {heating} {verify}".encode())
+    for part in (*arrays, state):
+        inputs.update(f"{part.shape}".encode())
+        inputs.update(part.tobytes())
+    return inputs.digest()
