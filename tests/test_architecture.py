@@ -83,6 +83,7 @@ JOINS = {
     "payload",
     "window",
     "foreknown",
+    "kept",
     "rival",
     "solve",
     "messages",

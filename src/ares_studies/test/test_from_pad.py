@@ -5,6 +5,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,7 @@ pytestmark = pytest.mark.long
 
 #: Published optimum: Benson (2005), and the examples of GPOPS, yapss and Dymos.
 PUBLISHED_KG, PUBLISHED_S = 7529.712287, 924.139203
+MISSIONS = Path(__file__).parent / "missions"
 #: Real launchers with the mass that each plan leaves, as found here.
 LAUNCHERS = {
     "falcon9_leo_pad": 30489.65,
@@ -544,6 +546,18 @@ def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
 def test_a_short_burn_after_a_long_coast_is_flown_by_every_law(seed):
     mission = random_launcher(seed)
     solution = solve(mission, "auto")
+    for law in ("peg", "igm", "optimal"):
+        end = fly_compiled(mission, law=ready(mission, solution, law)).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
+@pytest.mark.trial
+def test_no_law_takes_over_before_a_solid_motor_that_it_cannot_lengthen():
+    """From the planned state alone `optimal` found a way through the third stage."""
+    mission = load_mission(str(MISSIONS / "pslv_xl_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.converged, solution.reason
     for law in ("peg", "igm", "optimal"):
         end = fly_compiled(mission, law=ready(mission, solution, law)).plant
         assert judged(mission, end).end is End.TARGET, law

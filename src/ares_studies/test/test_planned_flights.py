@@ -365,7 +365,7 @@ def test_a_campaign_flies_by_the_plan(restart, monkeypatch):
 def test_without_an_optimum_there_is_no_plan(restart, monkeypatch):
     mission, _ = restart
     lost = failed("indirect", Cause(Status.STALLED, "no way"))
-    monkeypatch.setattr("ares_optimizer.solve.solve", lambda *_, **__: lost)
+    monkeypatch.setattr("ares_optimizer.kept.solve_once", lambda *_, **__: lost)
     why = r"law peg flies by a plan of what is free, arc 1 and arc 2, and there is none: no way; "
     with pytest.raises(ValueError, match=why):
         closed_loop.arc_plan(mission, find_law("peg"))
@@ -379,7 +379,7 @@ def test_a_plan_through_the_ground_is_none(restart, tmp_path, monkeypatch):
     text = RESTART.format(burn="free", coast="free")
     path.write_text(text.replace("6.2e+6", "6.3709e+6"))
     fixed = solve(write(tmp_path, BURN, COAST), "indirect", verify=False)
-    monkeypatch.setattr("ares_optimizer.solve.solve", lambda *_, **__: fixed)
+    monkeypatch.setattr("ares_optimizer.kept.solve_once", lambda *_, **__: fixed)
     assert closed_loop.arc_plan(mission, find_law("peg")) is not None
     with pytest.raises(ValueError, match=r"there is none: arc 0, a burn, goes through the ground"):
         closed_loop.arc_plan(load_mission(path), find_law("peg"))
