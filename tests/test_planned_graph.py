@@ -19,6 +19,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
+from ares_optimizer import kept
 from ares_optimizer.messages import RequestServer
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import offline_trajectory
@@ -352,3 +353,13 @@ def test_a_flight_without_pace_waits_for_a_restarted_guidance_that_plans(
     graph.spin(lambda: flown(graph))
     assert simulator.simulator.ended_well
     assert np.linalg.norm(graph.events[-1].position) == pytest.approx(6556000.0, abs=1.0)
+
+
+def test_a_flight_takes_one_search(ares, monkeypatch):
+    searches = []
+    search = kept.solve
+    monkeypatch.setattr(kept, "_kept", type(kept._kept)())
+    monkeypatch.setattr(kept, "solve", lambda *a, **k: searches.append(a[1]) or search(*a, **k))
+    done = ares("fly", "--in-process", "--no-record", "--mission", "ariane5_eca")
+    assert done.returncode == 0, done.stderr
+    assert searches == ["auto"]

@@ -151,9 +151,7 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
-    # verified, as the optimizer node asks for it: in one process it is found there again
-    limit_s = flown.get("plan_timeout_s")
-    plan = plan_solution(mission, find_law(law), time_limit_s=limit_s, verify=True)
+    plan = plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s"))
     return _Rehearsal(
         mission,
         plan,

@@ -5,6 +5,7 @@ A flight from the pad is planned before its nodes start, by the optimizer node w
 when guidance asks. The search takes seconds and finds the same each time.
 """
 
+import math
 import os
 import pickle
 import threading
@@ -99,7 +100,10 @@ def _key_of(
 ) -> bytes:
     """Return a hash of all that a solution depends on."""
     inputs = sha256(f"{method} {heating} {verify}".encode())
-    for part in (*arrays, state):
+    begin = state.copy()
+    # measured in flight; no search reads it
+    begin["heating_rate"] = math.nan
+    for part in (*arrays, begin):
         inputs.update(f"{part.shape}".encode())
         inputs.update(part.tobytes())
     return inputs.digest()

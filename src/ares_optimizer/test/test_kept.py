@@ -16,9 +16,10 @@ def nothing_kept(monkeypatch):
     monkeypatch.setattr(kept, "_kept", type(kept._kept)())
 
 
-def solved(method="indirect", higher_m=0.0, limit_s=None):
+def solved(method="indirect", higher_m=0.0, limit_s=None, heating=0.0):
     mission = load_mission("ares_v")
     state = mission.start().navigation()
+    state["heating_rate"] = heating
     state["position"] *= 1.0 + higher_m / np.linalg.norm(state["position"])
     return kept.solve_once(mission.arrays(), method, state, "at_jettison", Deadline(limit_s))
 
@@ -27,6 +28,7 @@ def test_the_same_inputs_are_solved_once():
     first = solved()
     assert first.converged
     assert solved() is first
+    assert solved(heating=5.0) is first
 
 
 @pytest.mark.parametrize("other", [{"method": "auto"}, {"higher_m": 100.0}])
