@@ -28,7 +28,7 @@ SCHEMAS = {MISSION: Mission, DISPERSIONS: Dispersions}
 PAGES = {MISSION: DOCS / "missions.md", DISPERSIONS: DOCS / "montecarlo.md"}
 
 
-def one_in(every, found):
+def thinned(every, found):
     """Return a share of the tasks: of those of each action, and of those that are read only."""
     alike = {}
     for task in found:
@@ -46,7 +46,7 @@ def test_every_value_is_flown_or_solved_or_refused_in_one_line(every):
     # a good file first, with which everything can be done
     first = warm_up()
     texts = {task.text for task in first}
-    todo = first + [task for task in one_in(every, found) if task.text not in texts]
+    todo = first + [task for task in thinned(every, found) if task.text not in texts]
     assert len({task.text for task in todo}) == len(todo) >= ENOUGH // every
     results = list(attempt_all(todo, warm_up()))
     assert [str(result) for result in results if result.broken] == []
