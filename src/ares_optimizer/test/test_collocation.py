@@ -561,14 +561,15 @@ def test_a_part_that_is_still_on_is_told_in_words(monkeypatch: pytest.MonkeyPatc
         Check.JETTISON_BEFORE_CUTOFF, "jettison 0", 0.0, 1.0, False, "1", False, jettison=0
     )
     proven = SimpleNamespace(found=None, exact=True)
-    cause = verdict_of(None, proven, (left,), 0.0)
+    search = SimpleNamespace(request=SimpleNamespace(deadline=Deadline()))
+    cause = verdict_of(search, proven, (left,), 0.0)
     said = "jettison 0 is still on at the cut-off, when flown by another integrator"
     assert cause.reason == said
     # too sharp for the intervals
     monkeypatch.setattr(report, "acting_limits", lambda _found: {(0, 4)})
-    assert verdict_of(None, proven, (left,), 0.0).reason == said
+    assert verdict_of(search, proven, (left,), 0.0).reason == said
     proven.exact = False
-    told = verdict_of(None, proven, (left,), 0.0).reason
+    told = verdict_of(search, proven, (left,), 0.0).reason
     assert told.startswith(f"{said}; the vehicle keeps its limits of dynamic pressure")
 
 
