@@ -256,6 +256,8 @@ def _add_up(row: Row, core: Row, part: BurnPart, g0: float) -> None:
     row["mass_flow"] = row["thrust"] / row["exhaust_velocity"]
     row["tabled"] = np.ptp(force) > 0.0
     if not row["tabled"]:
+        # the thrust is constant, whatever the curve of the whole burn
+        row["start_knots"] = row["start_loss"] = 0
         return
     row["start_knots"] = times.size
     row["start_time"][0, : times.size] = times - part.begin

@@ -455,12 +455,12 @@ def test_a_booster_that_outlasts_its_stage_is_refused():
 SOLID = [[0.0, 790e3], [20.0, 1010e3], [20.0, 900e3], [140.0, 570e3], [150.0, 0.0]]
 
 
-def solid_first_stage(boosters=""):
+def solid_first_stage(boosters="", table=SOLID):
     """Return the small launcher with a solid first stage that rises vertically."""
     text = SMALL.format(thrust=0.0).replace("payload_kg: 900.0", "payload_kg: 400.0")
     text = text.replace("pressure_pa: 36000.0", "pressure_pa: 55000.0")
     text = text.replace("    thrust_n: 0.0\n", "").replace("    burn_time_s: 152.9\n", "")
-    arc = f"{{thrust_table: {SOLID}, isp_s: 280.0, exit_area_m2: 0.9, vertical_rise_s: 8.0}}"
+    arc = f"{{thrust_table: {table}, isp_s: 280.0, exit_area_m2: 0.9, vertical_rise_s: 8.0}}"
     for key in ("isp_s: 312.0", "exit_area_m2: 0.9", "vertical_rise_s: 8.0"):
         text = text.replace(f"    {key}\n", "", 1)
     text = text.replace("  - name: second\n", f"    arcs: [{arc}]\n{boosters}  - name: second\n")
@@ -473,6 +473,23 @@ def burn_of(row):
     time = row["start_time"][:knots]
     flow = row["start_flow"][:knots] * row["mass_flow"]
     return time, row["start_fraction"][:knots] * row["thrust"], flow
+
+
+def test_a_core_lit_in_flight_burns_on_when_its_boosters_have_dropped():
+    boosters = (
+        "    boosters:\n      - {name: strap-on, count: 2, dry_mass_kg: 100.0, "
+        "propellant_kg: 3000.0, thrust_n: 700000.0, burn_time_s: 60.0, exit_area_m2: 0.05}\n"
+    )
+    table = [[0.0, 0.0], [50.0, 0.0], [50.5, 800e3], [150.0, 800e3]]
+    arcs = solid_first_stage(boosters, table).arrays().arcs
+    rise, beside, alone = arcs[arcs["stage"] == 0]
+    assert rise["thrust"] == pytest.approx(1400e3)
+    assert beside["thrust"] == pytest.approx(2200e3)
+    assert alone["thrust"] == pytest.approx(800e3)
+    # from its beginning on
+    assert [arc["start_knots"] for arc in (rise, beside, alone)] == [0, 4, 0]
+    assert alone["start_loss"] == rise["start_loss"] == 0.0
+    assert alone["mass_flow"] == pytest.approx(800e3 / (280.0 * 9.80665))
 
 
 @pytest.mark.parametrize("with_boosters", [False, True])
