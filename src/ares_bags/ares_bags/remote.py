@@ -22,8 +22,9 @@ from ares_node.qos import DIAGNOSTIC
 
 #: Wall time in s between reports of the pace.
 WORD_PERIOD = 0.25
-#: Timeout for a reader of facts to appear, and for their delivery to it, wall time, s.
-TELL_TIMEOUT = 0.5
+#: Timeout for a reader of facts to appear, and for their delivery to it, wall time, s; long enough
+#: for a busy machine, since they are sent once.
+TELL_TIMEOUT = 10.0
 
 
 def _check(parameters: list[Parameter]) -> SetParametersResult:

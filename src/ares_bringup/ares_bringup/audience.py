@@ -27,8 +27,10 @@ MODULE = "ares_view.live"
 #: Consequence of the end of its process, for the message.
 PAGELESS = "the flight goes on without its page"
 
-#: Wall time in s within which the page must be served and opened; then the flight begins without.
-PATIENCE = 10.0
+#: Wall time in s within which the page must be served; then the flight begins without it.
+SERVED_WITHIN = 30.0
+#: Wall time in s within which the served page must be opened; then the flight begins without it.
+OPENED_WITHIN = 15.0
 #: Wall time in s after which the user is told that the flight waits for the page.
 TELL_AFTER = 3.0
 #: Wall time in s within which its process must end.
@@ -118,7 +120,8 @@ class Audience:
         self._crew = self._held.enter_context(Crew(environment))
         arguments = ros_arguments(self._parameters, self._summary.namespace)
         self._crew.start(LIVE, MODULE, arguments)
-        self._deadline = time.monotonic() + PATIENCE
+        self._deadline = time.monotonic() + SERVED_WITHIN
+        self._served = False
         self._told = False
         monitor.held = True
 
@@ -135,11 +138,14 @@ class Audience:
                 raise CannotStart("")
             self._say(f"{name} {describe_end(status)}: {PAGELESS}")
             monitor.let_go()
+        if monitor.pages >= 0 and not self._served:
+            self._served = True
+            self._deadline = time.monotonic() + OPENED_WITHIN
         wanted = 1 if self._live.watched else 0
         left = self._deadline - time.monotonic()
         if monitor.pages >= wanted or left < 0.0:
             monitor.let_go()
-        elif not self._told and monitor.pages == 0 and left < PATIENCE - TELL_AFTER:
+        elif self._served and not self._told and left < OPENED_WITHIN - TELL_AFTER:
             self._told = True
             self._say(f"the flight begins when the page is open, in {left:.0f} s at the latest")
 
@@ -194,7 +200,7 @@ def served(
     parameters = page_parameters(live, mission, 0, str(bag.absolute()), stays=live.watched)
     with Crew() as crew:
         crew.start(LIVE, MODULE, ros_arguments(parameters, namespace))
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + SERVED_WITHIN
         while crew.running() and time.monotonic() < deadline:
             with suppress(OSError):
                 socket.create_connection((live.host, parameters["port"]), 1.0).close()
