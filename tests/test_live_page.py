@@ -27,6 +27,8 @@ from ares_view.live.address import listen
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 #: A flight of five minutes, which a slow browser sees; the tests hurry it in the end.
 SLOWLY = ("--pace", "0.5")
+#: Wall time in ms for a page to do what is awaited, on a busy machine too.
+PATIENCE_MS = 150_000
 #: What the page calls what it sees.
 STATE = "document.documentElement.dataset.state"
 #: Charts whose drawing has come to the last state.
@@ -126,6 +128,7 @@ def opened(browser):
         width, height = SIZES[size]
         view = {"width": width, "height": height}
         context = browser.new_context(viewport=view, color_scheme=theme)
+        context.set_default_timeout(PATIENCE_MS)
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -144,10 +147,8 @@ def opened(browser):
     assert not complaints
 
 
-def wait_for_state(page, text, timeout=150_000):
-    page.wait_for_function(
-        f"text => {STATE} && {STATE}.startsWith(text)", arg=text, timeout=timeout
-    )
+def wait_for_state(page, text):
+    page.wait_for_function(f"text => {STATE} && {STATE}.startsWith(text)", arg=text)
 
 
 def seen_time(page):
@@ -351,6 +352,7 @@ def test_a_person_gets_the_page_opened_and_finds_the_report_there_in_the_end(tmp
     threading.Thread(target=drain, args=(ours,), daemon=True).start()
     try:
         context = browser.new_context()
+        context.set_default_timeout(PATIENCE_MS)
         complaints = []
         context.on("weberror", lambda error: complaints.append(str(error.error)))
         context.on("console", lambda said: complaints.append(said.text))
