@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import PHASE_BOOST
+from ares_guidance.arrays import AIM_SAFE, PHASE_BOOST
 from ares_guidance.floor import lowest_coast
 from ares_guidance.law import Law
 from ares_guidance.laws import check_law, make_law
@@ -36,6 +36,9 @@ ANALYTIC = "analytic"
 #: the navigation state in the request.
 ANSWER_TAKEN = "starting from the optimizer's answer"
 ASKED_AT_NS = "asked_at_ns"
+
+#: Speed missing at the end of a leg that the next one makes up for, m/s.
+SMALL_SHORTFALL_M_S = 30.0
 
 
 class Answers:
@@ -202,10 +205,36 @@ class Answers:
         )
 
     @property
+    def _legs_follow(self) -> bool:
+        """Return whether the present leg is not the last one."""
+        return 0 < int(self.law.state["leg"]["count"]) < len(self.arrays.arcs)
+
+    @property
     def jettison_after_cutoff(self) -> bool:
         """Return whether a heating jettison is aboard and the plan does not drop it."""
         aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
-        return bool(aboard and self._solved and self.law.steering[0]["jettison"] < 0)
+        dropped = self.law.steering[0]["jettison"] >= 0 or self._legs_follow
+        return bool(aboard and self._solved and not dropped)
+
+    @property
+    def reported_error(self) -> int:
+        """Return the error code for the log: of a leg, the next one corrects a small shortfall."""
+        state = self.law.state
+        error = int(state["error"])
+        small = state["aim"] != AIM_SAFE and state["lowered"] < SMALL_SHORTFALL_M_S
+        if error == GuidanceStatus.PROPELLANT_SHORT and self._legs_follow and small:
+            return int(GuidanceStatus.NONE)
+        return error
+
+    def fallback_text(self) -> str:
+        """Return why PEG flies in place of the law, in one line."""
+        nav, time_to_go = self._nav[0], float(self.law.state["solution"]["time_to_go"])
+        mu, radius = float(self.arrays.environment["mu"][0]), float(np.linalg.norm(nav["position"]))
+        angle = math.degrees(math.sqrt(mu / radius**3) * time_to_go)
+        return (
+            f"no solution of law {self.law.kind.name} for the burn ahead, {time_to_go:.0f} s over "
+            f"{angle:.0f} deg of the orbit: flying peg"
+        )
 
     @property
     def _solved(self) -> bool:

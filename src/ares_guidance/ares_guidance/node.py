@@ -544,7 +544,7 @@ class GuidanceNode(FlightNode):
         self._report_failures(now)
         self._report_navigation(now)
         self._report_monitors(now)
-        error = int(state["error"])
+        error = self._answers.reported_error
         if error not in (self._reported, GuidanceStatus.NAVIGATION_INVALID):
             self._reported = error
             if error == GuidanceStatus.NONE:
@@ -561,7 +561,7 @@ class GuidanceNode(FlightNode):
             level, text = (
                 (Level.OK, f"solution of law {kind.name} again")
                 if solved
-                else (Level.WARN, f"no solution of law {kind.name}: flying peg")
+                else (Level.WARN, self._answers.fallback_text())
             )
             self.diagnostics.report(level, text, now)
         without = self._answers.jettison_after_cutoff

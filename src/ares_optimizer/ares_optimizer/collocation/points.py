@@ -100,15 +100,22 @@ def times_of(program: CollocationProgram, x: Array, apart: float = 0.0) -> FreeT
     drops = []
     for number in range(program.waiting):
         p = program.drop_ends.get(number)
-        at = program.trial.drops[number] if p is None else float(begins[p + 1])
-        drops.append(_at_event(at, begins, p, apart))
+        if p is None:
+            drops.append(_with_event(float(program.trial.drops[number]), program, begins))
+        else:
+            drops.append(_at_event(float(begins[p + 1]), begins, p, apart))
     return FreeTimes(np.array(lengths), cutoff, np.array(drops))
 
 
-def _at_event(at: float, begins: Array, p: int | None, apart: float) -> float:
+def _with_event(at: float, program: CollocationProgram, begins: Array) -> float:
+    """Return the time of a drop that ends no phase: that of its event, which may have moved."""
+    ends = program.segments["end"]
+    p = int(np.argmin(np.abs(ends - at)))
+    return float(begins[p + 1]) if abs(float(ends[p]) - at) < SAME_LENGTH else at
+
+
+def _at_event(at: float, begins: Array, p: int, apart: float) -> float:
     """Return the time of a drop, snapped to a coincident event or put ``apart`` after it."""
-    if p is None:
-        return at
     others = np.delete(begins, p + 1)
     nearest = float(others[np.argmin(np.abs(others - at))])
     if abs(nearest - at) >= SAME_LENGTH:

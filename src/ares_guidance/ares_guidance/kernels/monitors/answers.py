@@ -131,6 +131,9 @@ def outlasts_propellant(mission: MissionRecords, onboard: Onboard) -> bool:
         return False
     if state.error == ERROR_PROPELLANT_SHORT or state.error == ERROR_TARGET_UNREACHABLE:
         return False
+    if arc.tabled:
+        burns_until = nav.arc_start_time + arc.start_time[arc.start_knots - 1]
+        return bool(onboard.steering.cutoff_time > burns_until + DEPLETION_S)
     _, mass_flow = present_engine(arc, arc.stage, state)
     if math.isfinite(arc.max_acceleration):
         mass_flow *= arc.min_throttle
