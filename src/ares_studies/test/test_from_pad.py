@@ -581,6 +581,23 @@ def test_no_law_takes_over_before_a_solid_motor_that_it_cannot_lengthen():
         assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
 
 
+@pytest.mark.trial
+@pytest.mark.parametrize("name", ["antares_iss_pad", "lvm3_gto_pad"])
+def test_a_launcher_of_solids_and_liquids_is_planned_and_flown(name):
+    """Drop the fairing with its stage; end with a solid; light a core beside its boosters."""
+    mission = load_mission(str(MISSIONS / f"{name}.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.converged, solution.reason
+    assert solution.verification.mass_defect_kg < 1e-3
+    for law in ("peg", "igm", "optimal"):
+        flying = ready(mission, solution, law)
+        end = fly_compiled(mission, law=flying).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+        assert flying.state["cycle"] > 0
+        assert flying.state["monitors"]["violations"] == 0, law
+
+
 #: In place of the last burn: a parking orbit, then a circle.
 TWO_BURNS = SMALL.replace(
     "burn_time_s: free}}",
