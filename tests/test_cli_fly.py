@@ -36,6 +36,7 @@ KEYS = {
     "t_plf_s",
     "t_meco_s",
     "m_f_kg",
+    "planned_m_f_kg",
     "insertion_error",
     "guidance_cycles",
     "wall_s",

@@ -2,7 +2,7 @@
 """Watch a flight for its verdict: events, guidance status, diagnostics."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -250,9 +250,11 @@ class FlightMonitor:
                 continue
             if status.hardware_id != hardware_id(self.summary.flight_id):
                 continue
-            if plan := _plan(status):
-                self._say(plan)
             said = {item.key: item.value for item in status.values}
+            planned = number_of(said, FINAL_MASS_KG)
+            if planned is not None:
+                self.summary.planned_m_f_kg = planned
+                self._say(_plan(said, planned))
             if passage := Passage.from_text(said.get(PASSAGE, "")):
                 self.summary.set_air(passage)
             level = _LEVELS.get(status.level)
@@ -298,12 +300,9 @@ class FlightMonitor:
         self.summary.lost_messages += info.total_count_change
 
 
-def _plan(status: DiagnosticStatus) -> str:
-    """Describe the plan accepted by guidance; "" if a status has none."""
-    said = {item.key: item.value for item in status.values}
-    mass, lowest = number_of(said, FINAL_MASS_KG), number_of(said, LOWEST_COAST_M)
-    if mass is None:
-        return ""
+def _plan(said: Mapping[str, str], mass: float) -> str:
+    """Describe the plan accepted by guidance."""
+    lowest = number_of(said, LOWEST_COAST_M)
     coasts = f", no coast below {lowest / 1e3:,.1f} km" if lowest is not None else ""
     method = printable(said.get("method", ""))
     return f"plan taken, by method {method}: {mass:,.1f} kg after the last cut-off{coasts}"

@@ -127,13 +127,23 @@ def event_table(summary: FlightSummary) -> Table:
     return table
 
 
+def _beside_plan(summary: FlightSummary) -> str:
+    """Return the planned mass and the loss to it, to be appended to the flown mass."""
+    flown, planned = summary.m_f_kg, summary.planned_m_f_kg
+    if flown is None or planned is None:
+        return ""
+    loss = 100.0 * (planned - flown) / planned
+    side = "below" if loss >= 0.0 else "above"
+    return f", {abs(loss):.3f} % {side} the plan's {number(planned, 2)} kg"
+
+
 def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
     """Return label and value of the lines below the tables."""
     from ares_guidance.arrays import LAW_PEG
 
     lines = []
     if summary.m_f_kg is not None:
-        lines.append(("final mass", f"{number(summary.m_f_kg, 2)} kg"))
+        lines.append(("final mass", f"{number(summary.m_f_kg, 2)} kg{_beside_plan(summary)}"))
     predicted = summary.last_converged
     if summary.t_meco_s is not None and predicted is not None:
         lines.append(

@@ -67,6 +67,7 @@ class FlightSummary:
         seen_from_start: no guidance cycle was missed before the first one seen.
         max_stale_cycles: most consecutive cycles without an accepted solution.
         laws: number of cycles by the law's code in GuidanceStatus.
+        planned_m_f_kg: mass after the last cut-off by the plan flown; None: flown without a plan.
         boosts: in its last cycle guidance flew the attitude programme of the air.
         diagnostics: warnings and errors, the first MAX_DIAGNOSTICS of them.
         diagnostic_count: all of them.
@@ -94,6 +95,7 @@ class FlightSummary:
     seen_from_start: bool = False
     max_stale_cycles: int = 0
     laws: Counter[int] = field(default_factory=Counter)
+    planned_m_f_kg: float | None = None
     boosts: bool = False
     diagnostics: list[Diagnostic] = field(default_factory=list)
     diagnostic_count: int = 0

@@ -20,6 +20,7 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
         "t_plf_s": summary.t_plf_s,
         "t_meco_s": summary.t_meco_s,
         "m_f_kg": summary.m_f_kg,
+        "planned_m_f_kg": summary.planned_m_f_kg,
         "insertion_error": {**keys, **errors},
         "guidance_cycles": summary.guidance_cycles,
         "longest_cycle_ms": summary.longest_cycle_ms,

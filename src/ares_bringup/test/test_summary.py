@@ -200,6 +200,7 @@ def test_json_has_every_key_and_no_nan(facts):
             "t_plf_s",
             "t_meco_s",
             "m_f_kg",
+            "planned_m_f_kg",
             "insertion_error",
             "guidance_cycles",
             "longest_cycle_ms",
