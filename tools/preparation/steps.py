@@ -13,7 +13,7 @@ from preparation.progress import BAR, Steps, say
 from preparation.running import announce, preparation_lock, remove
 from preparation.stamps import is_built, kernels_wanting, missing_additions, prepared_environment
 
-COMPILING = {True: "once, until they change: a minute", False: "once, a minute"}
+COMPILING = {True: "once, until they change: some minutes", False: "once, a minute or two"}
 #: Steps of the preparation, with their duration on an idle machine of two cores, s.
 PACKAGES, ADDITIONS = "Python packages", "further packages"
 BUILDING, KERNELS = "messages", "kernels"
