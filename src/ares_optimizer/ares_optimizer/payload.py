@@ -3,12 +3,13 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from ares_models.mission import Mission
 from ares_optimizer.collocation.shortage import with_more_propellant
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.solution import Check, OptimizerError, Solution
 from ares_optimizer.solve import solve
 
 _TRIALS = 40
@@ -127,6 +128,15 @@ def greatest_payload(
     if not found.flyable:
         # with no propellant to spare other first guesses count: the flight of the search has enough
         found = _with_any_propellant(best, deadline(), verify=True)
+        found = replace(
+            found,
+            constraints=tuple(
+                replace(check, limit=float(arcs[-1]["propellant"]), active=True)
+                if check.key is Check.PROPELLANT
+                else check
+                for check in found.constraints
+            ),
+        )
     return Greatest(best, low, found)
 
 

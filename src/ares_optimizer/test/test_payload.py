@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Test the greatest payload for a target."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
@@ -10,8 +11,18 @@ from ares_models.mission import TEMPLATE, Mission, load_mission, parse_mission
 from ares_optimizer import payload
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
-from ares_optimizer.solution import Check, OptimizerError, Status
+from ares_optimizer.solution import Check, ConstraintCheck, OptimizerError, Status
 from ares_optimizer.solve import solve
+
+
+@dataclass(frozen=True)
+class Found:
+    """Stand for a solution of a last stage that is nearly all propellant."""
+
+    flyable: bool
+    constraints: tuple[ConstraintCheck, ...] = (
+        ConstraintCheck(Check.PROPELLANT, "propellant", 1.0, 1e6, False, "kg", True),
+    )
 
 
 @pytest.mark.trial
@@ -51,13 +62,17 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
 
     def solved(given: Mission | MissionArrays, *_args: object, **_settings: object) -> object:
         """Stand for a search that finds the flight only with propellant to spare."""
-        return SimpleNamespace(flyable=not isinstance(given, Mission))
+        return Found(flyable=not isinstance(given, Mission))
 
     monkeypatch.setattr(payload, "solve", solved)
     for first in (1200.0, 230.0, 950.0):
         mission = load_mission(TEMPLATE).model_copy(update={"payload_kg": first})
         greatest = greatest_payload(mission)
         assert greatest.payload_kg == pytest.approx(900.0, abs=0.01)
+        # the table has the propellant of the mission
+        (row,) = greatest.solution.constraints
+        assert row.limit == mission.arrays().arcs[-1]["propellant"]
+        assert row.active
         assert greatest.solution.flyable
     assert max(tried) >= 1000.0
     tried.clear()
