@@ -441,8 +441,9 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
         )
         assert page.locator("#missed").is_hidden()
         assert seen_time(page) == pytest.approx(767.5, abs=1.0)
-        # nothing was published before the page could hear it
-        assert page.evaluate("live.states.column('time_s')[0]") == pytest.approx(155.9)
+        # nothing was published before the page could hear it; of the states a busy server keeps
+        # the latest only: two seconds of wall time may be missing
+        assert 155.8 < page.evaluate("live.states.column('time_s')[0]") < 166.0
         assert page.evaluate("live.events[0].text") == "flight started"
         page.wait_for_function(
             "() => gauges.find((one) => one.dataset.key === 'time_to_go_s')"
