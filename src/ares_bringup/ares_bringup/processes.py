@@ -38,9 +38,10 @@ MODULES = {
 }
 #: Wall time in s for which the start of guidance waits for the optimizer, which may compile first.
 OPTIMIZER_TIMEOUT = 120.0
-#: Wall time in s for simulator and guidance to end: after the flight, and after a signal.
+#: Wall time in s for simulator and guidance to end: after the flight, and after a signal,
+#: where a person waits.
 NODE_STOP_TIMEOUT = 10.0
-INTERRUPTED_STOP_TIMEOUT = 1.0
+INTERRUPTED_STOP_TIMEOUT = 3.0
 #: Wall time in s by which the recorder ends after the other nodes.
 HEAD_START = 0.1
 #: Wall time in s for the recorder to write its queues and close the bag.
