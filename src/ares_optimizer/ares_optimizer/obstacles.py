@@ -37,7 +37,7 @@ def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
 def _broken(check: ConstraintCheck) -> str:
     """Describe one violated constraint."""
     if check.key is Check.JETTISON_BEFORE_CUTOFF:
-        return f"jettison {check.jettison} is still on at the cut-off"
+        return f"jettison {check.number} is still on at the cut-off"
     value, limit, unit = check.value, check.limit, check.unit
     if check.key is Check.LOWEST_ALTITUDE:
         return (

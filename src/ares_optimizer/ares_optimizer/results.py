@@ -135,9 +135,9 @@ def with_multipliers(
 
     Args:
         checks: of a flight.
-        per_unit: kg per unit, by key and jettison.
+        per_unit: kg per unit, by key and number of the jettison or stage.
     """
     return tuple(
-        replace(check, multiplier=per_unit.get((check.key, check.jettison), check.multiplier))
+        replace(check, multiplier=per_unit.get((check.key, check.number), check.multiplier))
         for check in checks
     )

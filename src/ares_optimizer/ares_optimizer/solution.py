@@ -161,7 +161,7 @@ class ConstraintCheck:
         satisfied: true within the tolerance of the verification.
         multiplier: kg of final mass per ``unit`` of the limit, positive if a larger limit gives
             more mass; nan: not computed by the method.
-        jettison: index of the jettison concerned; None: none.
+        number: index of the jettison or stage concerned; None: none.
     """
 
     key: Check
@@ -172,7 +172,7 @@ class ConstraintCheck:
     unit: str
     satisfied: bool
     multiplier: float = math.nan
-    jettison: int | None = None
+    number: int | None = None
 
 
 @dataclass(frozen=True)

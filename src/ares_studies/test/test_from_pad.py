@@ -107,8 +107,9 @@ LIFT = "\n  lift_table: [[0.0, 2.4], [1.1, 3.2], [4.0, 2.0]]\n  power_off_table:
 NORMAL = "\n  normal_table: [[0.0, 2.7], [1.1, 3.8], [4.0, 2.3]]"
 
 
-def small(thrust=800000.0, wind="", beside=""):
-    text = SMALL.format(thrust=thrust).replace("{model: us76}", f"{{model: us76{wind}}}")
+def small(thrust=800000.0, wind="", beside="", most_pa=36000.0):
+    text = SMALL.format(thrust=thrust).replace("36000.0", f"{most_pa}")
+    text = text.replace("{model: us76}", f"{{model: us76{wind}}}")
     text = text.replace("[8.0, 0.25]]", f"[8.0, 0.25]]{beside}")
     if beside == NORMAL:
         text = text.replace("drag_table", "axial_table")
@@ -200,6 +201,19 @@ def test_the_optimum_keeps_its_limits_and_reaches_them(limited):
         assert checks[key].satisfied
         assert checks[key].value <= 1.001 * limit
     assert checks[Check.DYNAMIC_PRESSURE].value > 0.99 * 36000.0
+
+
+def test_the_price_of_the_dynamic_pressure_is_what_a_higher_limit_saves(limited):
+    _, solution = limited
+    higher = solve(small(most_pa=36500.0), "auto")
+    prices = [
+        check.multiplier
+        for one in (solution, higher)
+        for check in one.constraints
+        if check.key is Check.DYNAMIC_PRESSURE
+    ]
+    assert len(prices) == 2
+    assert (higher.m_f_kg - solution.m_f_kg) / 500.0 == pytest.approx(sum(prices) / 2.0, rel=0.05)
 
 
 @pytest.mark.parametrize("law", one_in(3, ["peg", "igm", "optimal"]))

@@ -55,8 +55,8 @@ _MOST_LEVELS = 3
 _OVER = 0.9 * PRESSURE_SHARE
 _FAR_OVER = 2e-2
 #: Checks of the pressure limits, by kind of constraint.
-_CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_ALPHA}
-_PRESSURES = set(_CHECKS.values())
+PRESSURE_CHECKS = {DYNAMIC_PRESSURE_RULE: Check.DYNAMIC_PRESSURE, Q_ALPHA_RULE: Check.Q_ALPHA}
+_PRESSURES = set(PRESSURE_CHECKS.values())
 #: Tolerances between the ends of a program and of its verification, m and m/s.
 _END_M = 2.0
 _END_M_S = 1e-2
@@ -197,8 +197,8 @@ def _narrowed(search: Search, proven: Proven, factors: dict[tuple[int, int], Arr
         return over
     nodes = node_times(program, program.time * proven.found.point.x[program.lengths])
     for (stage, kind), rows in program.limit_rows.items():
-        times, values = pressures_in(search.arrays, flight, _CHECKS[kind], stage)
-        excess = values / limits_of(search.arrays, _CHECKS[kind])[stage]
+        times, values = pressures_in(search.arrays, flight, PRESSURE_CHECKS[kind], stage)
+        excess = values / limits_of(search.arrays, PRESSURE_CHECKS[kind])[stage]
         if not 1.0 + _OVER < excess.max(initial=0.0) < 1.0 + _FAR_OVER:
             continue
         over = True

@@ -11,7 +11,7 @@ from ares_models.arrays import BURN
 from ares_models.floors import Floor
 from ares_models.judge import judge
 from ares_models.kernels.environment import heating_rate
-from ares_optimizer.collocation.arrays import COASTING, GUIDED
+from ares_optimizer.collocation.arrays import COASTING, GUIDED, Q_ALPHA_RULE
 from ares_optimizer.collocation.costates import Adjoint, costates_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
@@ -24,14 +24,14 @@ from ares_optimizer.collocation.points import (
     lowest_in,
     times_of,
 )
-from ares_optimizer.collocation.refine import SAG, Proven, allowed_spread
+from ares_optimizer.collocation.refine import PRESSURE_CHECKS, SAG, Proven, allowed_spread
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
-from ares_optimizer.proof.checks import verification
+from ares_optimizer.proof.checks import limits_of, verification
 from ares_optimizer.proof.held import held_checks, held_offsets
 from ares_optimizer.results import (
     SAME_LENGTH,
@@ -399,6 +399,12 @@ def _with_sensitivities(
         sensitivities[Check.HEATING_AT_JETTISON, j] = (
             -float(point.multipliers[row]) * program.mass / float(arrays.jettisons[j]["value"])
         )
+    for (stage, kind), rows in program.limit_rows.items():
+        key = PRESSURE_CHECKS[kind]
+        # row: 1 - q / limit, or 1 - (q alpha / limit)^2
+        slope = (2.0 if kind == Q_ALPHA_RULE else 1.0) / limits_of(arrays, key)[stage]
+        worth = -float(point.multipliers[rows].sum()) * program.mass * slope
+        sensitivities[key, stage] = worth
     return with_multipliers(checks, sensitivities)
 
 

@@ -177,7 +177,7 @@ def _with_sensitivities(
     return tuple(
         replace(
             check,
-            multiplier=sensitivities.get((check.key, check.jettison), math.nan)
+            multiplier=sensitivities.get((check.key, check.number), math.nan)
             if check.active
             else 0.0,
         )

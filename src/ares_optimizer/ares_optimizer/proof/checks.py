@@ -106,7 +106,10 @@ def _limit_checks(
 ) -> list[ConstraintCheck]:
     """Return the checks of the pressure limits from peaks and limits of the stages."""
     return [
-        _at_most(key, f"{name} of stage {stage}", most, limit, unit, PRESSURE_SHARE * limit)
+        replace(
+            _at_most(key, f"{name} of stage {stage}", most, limit, unit, PRESSURE_SHARE * limit),
+            number=stage,
+        )
         for key, name, unit in _PRESSURES
         for stage, (most, limit) in peaks(key).items()
     ]
@@ -248,7 +251,7 @@ def _jettison_checks(
             if heating is not Heating.IGNORED:
                 name = f"heating at jettison {j}"
                 check = _heating_check(arrays, Check.HEATING_AT_JETTISON, name, at[0], limit)
-                checks.append(replace(check, jettison=j))
+                checks.append(replace(check, number=j))
     if heating is Heating.FROM_JETTISON and limits and math.isfinite(flight.peak_w_m2):
         checks.append(heating_from_jettison(arrays, flight.peak_w_m2, min(limits)))
     return checks
@@ -281,7 +284,7 @@ def _left_on(jettison: int, forgiven: bool) -> ConstraintCheck:
         False,
         "1",
         forgiven,
-        jettison=jettison,
+        number=jettison,
     )
 
 
