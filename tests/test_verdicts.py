@@ -172,10 +172,6 @@ def refused(says, *, alike=True, **options):
     return Cause(2, (says,), options, bag=False, alike=alike)
 
 
-def joined(says, kind, *, alike=False):
-    return Cause(0, (says,), SLOW, act=lambda flight: flight.join(kind, says), alike=alike)
-
-
 def two_burns(**changes):
     """Divide the short burn into two, with a free coast between."""
     mission = short_burn(**changes)
@@ -195,14 +191,14 @@ CAUSES = {
     "no such dispersions": refused("no such dispersions", dispersions="nonsense"),
     "no such failure": refused("failure", failure="nonsense:time=1"),
     "a failure of what is not there": refused("jettison", failure="stuck_jettison:jettison=3"),
-    "a bag that exists": refused("exists; expected a new folder", alike=False, bag="{tmp}"),
+    "a bag that exists": refused("exists; expected a new folder", bag="{tmp}"),
     "a bag below a file": refused("cannot be created", bag="{tmp}/mission.yaml/bag"),
     "a pace that is no number": refused("pace", pace="fast"),
     "a negative pace": refused("pace", pace="-1"),
     "a negative seed": refused("seed", seed="-1"),
     "no such initial guess": refused("one of", initial_guess="nonsense"),
     "no such namespace": refused("must not have a token that starts", namespace="1bad"),
-    "no such domain": refused("domain", alike=False, domain_id="400"),
+    "no such domain": refused("domain", domain_id="400"),
     "propellant short": Cause(
         1,
         ("target missed: speed off by -",),
@@ -219,6 +215,7 @@ CAUSES = {
         1,
         ("cover was not jettisoned",),
         {"failure": "stuck_jettison:jettison=0"},
+        alike=True,
     ),
     "impact": Cause(
         1,
@@ -230,6 +227,7 @@ CAUSES = {
                 "initial_state.velocity_m_s": [-40.0, 6680.0, 3626.0],
             }
         ),
+        alike=True,
     ),
     "a target out of reach": Cause(
         2,
@@ -247,6 +245,7 @@ CAUSES = {
         ),
         mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
         bag=False,
+        alike=True,
     ),
     "no plan for a paced flight": Cause(
         2,
@@ -273,9 +272,13 @@ CAUSES = {
         alike=True,
     ),
     "Ctrl-C": Cause(130, ("interrupted",), SLOWEST, act=lambda f: f.signal(signal.SIGINT)),
-    "SIGTERM": Cause(130, (), SLOWEST, act=lambda f: f.signal(signal.SIGTERM)),
+    "SIGTERM": Cause(130, (), SLOWEST, act=lambda f: f.signal(signal.SIGTERM), alike=True),
     "a second guidance": Cause(
-        0, ("a second guidance",), SLOW, act=lambda f: f.join(GuidanceNode, "a second guidance")
+        0,
+        ("a second guidance",),
+        SLOW,
+        act=lambda f: f.join(GuidanceNode, "a second guidance"),
+        alike=True,
     ),
     "a second simulator": Cause(
         0,
@@ -294,6 +297,7 @@ CAUSES = {
         {**SLOW, "restarts": "0"},
         act=lambda f: f.kill_guidance_for_good(),
         ways=PROCESSES,
+        alike=True,
     ),
     "guidance killed and restarted": Cause(
         1,
@@ -325,6 +329,7 @@ CAUSES = {
         SLOW,
         act=lambda f: f.kill_and_hurry("recorder", "recorder was killed"),
         ways=PROCESSES,
+        alike=True,
     ),
     "view killed": Cause(
         0,
@@ -335,6 +340,7 @@ CAUSES = {
         {**SLOW, "view": "true"},
         act=lambda f: f.kill_and_hurry("view", "restarted (1 of 3)"),
         ways=PROCESSES,
+        alike=True,
     ),
     "simulator killed": Cause(
         1,
