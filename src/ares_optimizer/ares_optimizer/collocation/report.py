@@ -403,8 +403,8 @@ def _with_sensitivities(
         key = PRESSURE_CHECKS[kind]
         # row: 1 - q / limit, or 1 - (q alpha / limit)^2
         slope = (2.0 if kind == Q_ALPHA_RULE else 1.0) / limits_of(arrays, key)[stage]
-        worth = -float(point.multipliers[rows].sum()) * program.mass * slope
-        sensitivities[key, stage] = worth
+        sum_of_rows = float(point.multipliers[rows].sum())
+        sensitivities[key, stage] = -sum_of_rows * program.mass * slope
     return with_multipliers(checks, sensitivities)
 
 
