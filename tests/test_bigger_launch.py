@@ -74,6 +74,7 @@ def launch(ros2, ros_environment, tmp_path, free_port):
 
 
 @pytest.mark.long
+@pytest.mark.trial
 def test_two_flights_beside_other_nodes(graph, launch, ros_environment, tmp_path):
     process, output, children = launch
     displays = Displays(graph)

@@ -89,6 +89,7 @@ def alone(missions, ares, tmp_path):
 
 
 @pytest.mark.long
+@pytest.mark.trial
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("_number", range(ROUNDS))
 def test_flights_that_start_together_fly_as_if_alone(alone, missions, ros2, tmp_path, _number):

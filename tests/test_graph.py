@@ -474,10 +474,11 @@ def test_commands_of_strangers_are_refused(graph):
 
 
 def test_guidance_of_another_mission_has_no_part(graph):
-    simulator = graph.start(VehicleSimNode, start_timeout_s=0.5)
+    # on a busy machine it is heard of late
+    simulator = graph.start(VehicleSimNode, start_timeout_s=5.0)
     graph.start(GuidanceNode, mission="saturn_v_as506")
     graph.spin(lambda: simulator.done)
-    assert simulator.failure == "no guidance for mission ares_v on the graph after 1 s"
+    assert simulator.failure == "no guidance for mission ares_v on the graph after 5 s"
     graph.wait_for_report("guidance is for saturn_v_as506: it has no part in it")
 
 

@@ -166,7 +166,7 @@ def test_new_dispersions_name_the_reason_of_each_value(capfd):
     assert "# latency_s: 0.0  # from a navigation state until" in text
 
 
-@pytest.mark.parametrize("name", one_in(6, list_missions()))
+@pytest.mark.parametrize("name", one_in(12, list_missions()))
 def test_what_is_proposed_is_drawn(name):
     mission = load_mission(name)
     assert not FlightRange(Settings(mission, proposed(mission), law="optimal")).fly(0, 1).errors

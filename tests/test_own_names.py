@@ -34,7 +34,13 @@ def heard(graph):
     return found
 
 
-@pytest.mark.parametrize("way", [[], ["--in-process"]], ids=["processes", "one process"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param([], id="processes", marks=pytest.mark.trial),
+        pytest.param(["--in-process"], id="one process"),
+    ],
+)
 def test_each_has_names_and_frames_of_its_own(graph, heard, ros_environment, tmp_path, way):
     # the cover stays on, which is reported
     mission = tmp_path / "mission.yaml"

@@ -308,7 +308,13 @@ def test_tf_is_the_type_that_tools_know():
     }
 
 
-@pytest.mark.parametrize("way", [(), ("--in-process",)], ids=["processes", "one process"])
+@pytest.mark.parametrize(
+    "way",
+    [
+        pytest.param((), id="processes", marks=pytest.mark.trial),
+        pytest.param(("--in-process",), id="one process"),
+    ],
+)
 def test_a_flight_is_the_same_whether_it_is_shown_or_not(ares, tmp_path, way):
     words = ("fly", "--mission", "ares_v", *way, "--json", "--nav-period", "1")
     plain = ares(*words, "--bag", str(tmp_path / "plain"))

@@ -36,7 +36,7 @@ def ares(environment, *words):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("layout", [[], ["--in-process"]])
+@pytest.mark.parametrize("layout", [["--in-process"], pytest.param([], marks=pytest.mark.trial)])
 def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):
     flown = ares(
         installed,
