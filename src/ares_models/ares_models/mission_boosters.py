@@ -292,8 +292,11 @@ def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float)
     for i, booster in enumerate(boosters):
         end = booster.end_s(g0)
         if end > burn.duration_s + SAME_EVENT:
+            keys = ("thrust_table", "burn_time_s", "isp_s")
+            key = next(name for name in keys if getattr(booster, name) is not None)
             fail(
-                (*stage_path, "boosters", i, "burn_time_s"),
-                end,
-                f"a burnout before the burn beside it ends, at {burn.duration_s:g} s",
+                (*stage_path, "boosters", i, key),
+                getattr(booster, key),
+                f"a burnout before the burn beside it ends, at {burn.duration_s:g} s: the booster "
+                f"burns out at {end:.6g} s",
             )
