@@ -458,7 +458,7 @@ class CoastArc(Part):
         default=None,
         exclude_if=not_there,
         description="least altitude, all along it; of a free coast after a burn by default the "
-        "edge of the air, 100 km on Earth",
+        "edge of the air, 100 km on Earth, unless it begins below that in the ascent",
     )
     min_perigee_altitude_m: FloorAltitude | None = Field(
         default=None,
