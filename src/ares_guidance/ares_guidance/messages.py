@@ -232,8 +232,8 @@ class Answers:
         mu, radius = float(self.arrays.environment["mu"][0]), float(np.linalg.norm(nav["position"]))
         angle = math.degrees(math.sqrt(mu / radius**3) * time_to_go)
         return (
-            f"no solution of law {self.law.kind.name} for the burn ahead, {time_to_go:.0f} s over "
-            f"{angle:.0f} deg of the orbit: flying peg"
+            f"law {self.law.kind.name} has no solution for the burn ahead, {time_to_go:.0f} s over "
+            f"{angle:.0f} deg of the orbit: peg flies it"
         )
 
     @property
