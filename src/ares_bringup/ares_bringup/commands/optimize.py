@@ -242,7 +242,7 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
 def _results(solution: Solution) -> dict[str, float]:
     return {
         "jettison, s": solution.t_plf_s,
-        "burn after it, s": solution.t_meco_s - solution.t_plf_s,
+        "from then to cut-off, s": solution.t_meco_s - solution.t_plf_s,
         "cut-off, s": solution.t_meco_s,
         "final mass, kg": solution.m_f_kg,
     }
