@@ -558,7 +558,7 @@ def test_times_that_make_no_flight_are_refused() -> None:
 def test_a_part_that_is_still_on_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "free_propellant", lambda _found: math.inf)
     left = ConstraintCheck(
-        Check.JETTISON_BEFORE_CUTOFF, "jettison 0", 0.0, 1.0, False, "1", False, jettison=0
+        Check.JETTISON_BEFORE_CUTOFF, "jettison 0", 0.0, 1.0, False, "1", False, number=0
     )
     proven = SimpleNamespace(found=None, exact=True)
     search = SimpleNamespace(request=SimpleNamespace(deadline=Deadline()))

@@ -613,6 +613,21 @@ def test_a_launcher_of_solids_and_liquids_is_planned_and_flown(name):
         assert flying.state["monitors"]["violations"] == 0, law
 
 
+@pytest.mark.trial
+@pytest.mark.timeout(600)
+def test_an_upper_stage_of_low_thrust_raises_its_apogee_by_two_burns():
+    """No trial flight leads there: the last burn of a flight with one burn less is divided."""
+    mission = load_mission(str(MISSIONS / "proton_m_gto_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.converged, solution.reason
+    # a single burn after the parking orbit takes 1,509 kg more
+    assert solution.m_f_kg == pytest.approx(11954.46, rel=1e-4)
+    for law in ("peg", "igm", "optimal"):
+        end = fly_compiled(mission, law=ready(mission, solution, law)).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-4)
+
+
 #: In place of the last burn: a parking orbit, then a circle.
 TWO_BURNS = SMALL.replace(
     "burn_time_s: free}}",

@@ -133,7 +133,7 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
             kept.append(optimum.lengths)
             found = optimum.found
             times = times_of(found.program, found.point.x)
-            trial = TrialFlight(times, _track_of(found), 0.0, met=optimum.met)
+            trial = TrialFlight(times, track_of(found), 0.0, met=optimum.met)
             joined.append((found.m_f_kg, _joined(search, begin, trial)))
     return joined
 
@@ -168,7 +168,7 @@ def try_other_plane(search: Search) -> None:
         return
     east = np.cross([0.0, 0.0, 1.0], up)
     north = np.cross(up, east / np.linalg.norm(east))
-    track = _track_of(best)
+    track = track_of(best)
     for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION):
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
@@ -252,7 +252,7 @@ def _beginning(start: NDArray[np.void], found: FoundOptimum, arc: int) -> Beginn
     off = np.array([t <= now + SAME_LENGTH for t in due], bool)
     for j in np.flatnonzero(off):
         after["jettisoned"] |= 1 << int(j)
-    track = _track_of(found)[: node + 1]
+    track = track_of(found)[: node + 1]
     return Beginning(lengths, times.drops, off[program.waiting_for_heating], track, after)
 
 
@@ -272,7 +272,7 @@ def _joined(search: Search, begin: Beginning, trial: TrialFlight) -> TrialFlight
     )
 
 
-def _track_of(ascent: FoundOptimum) -> Array:
+def track_of(ascent: FoundOptimum) -> Array:
     """Return the track of an ascent, shape (nodes, TRACK_COLUMNS), without its heating."""
     program, x = ascent.program, ascent.point.x
     track = np.zeros((program.nodes, rollout.TRACK_COLUMNS))

@@ -52,6 +52,9 @@ Array = NDArray[np.float64]
 
 #: Difference step for second derivatives, in the units of the program.
 _STEP = 1e-5
+#: Share of the least perigee by which an orbit is above the circle there, whose constraint has no
+#: gradient. An ellipse exceeds the perigee by far less.
+_ROUNDED = 1.2e-6
 #: Number of variables of a constraint: position, velocity, thrust direction.
 RULE_LOCALS = 9
 
@@ -209,13 +212,14 @@ def rule_rows(
             gradient[0, 3 + i] = 0.0
         return
     if rule.kind == PERIGEE_RULE:
-        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p = 0 for an apsis at p, at perigee with h^2 > mu p
+        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p = (r_p - p) (r_a - p) mu / a, with h^2 > mu p
         p = rule.level
         h = cross(r, v)
         size = norm(r)
         per = 1.0 / (2.0 * mu * p)
         c[0] = per * (dot(h, h) - mu * p)
         c[1] = per * (dot(h, h) - p * p * (dot(v, v) - 2.0 * mu / size) - 2.0 * mu * p)
+        c[1] -= 0.5 * _ROUNDED * _ROUNDED
         by_r, by_v = scale(2.0, cross(v, h)), scale(2.0, cross(h, r))
         for i in range(3):
             gradient[0, i] = per * scales[0] * by_r[i]

@@ -70,6 +70,7 @@ class TrialFlight:
         limited: it keeps the pressure limits.
         turned: it begins with a zero-lift turn, which keeps those of the angle of attack.
         met: number of first guesses that led to it.
+        near: it reaches the target but for its transcription.
     """
 
     times: FreeTimes
@@ -78,6 +79,7 @@ class TrialFlight:
     limited: bool = False
     turned: bool = False
     met: int = 1
+    near: bool = False
 
 
 class Pilot:

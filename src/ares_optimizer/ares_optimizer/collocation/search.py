@@ -67,6 +67,8 @@ _MOST_MOVES = 3
 _GAINED = 1e-7
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
+#: The same from a flight that reaches the target.
+_MOST_NEAR = 200
 #: The same from a solution on other intervals, with its multipliers.
 _MOST_WARM = 40
 #: Depth below ground at which an arc without a floor gets one, m.
@@ -242,6 +244,9 @@ class Search:
     def _solved(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
+        if trial.near:
+            # it is above the ground, and more rows lead the solver astray
+            floors = tuple(floor for floor in floors if floor not in self.added)
         try:
             program = CollocationProgram(
                 self.arrays,
@@ -280,6 +285,11 @@ class Search:
         fails so continues with smaller ones.
         """
         x: Array = guess_of(program, trial)
+        for near in (_NEAR, CORNER) if trial.near else ():
+            # the bounds of steps would be in its way
+            point = self._solved_program(program, x, near, _MOST_NEAR)
+            if point.solved:
+                return point
         mu: float | None = None
         kept = trial.limited or trial.turned or not program.limit_rows
         steps, met = [1.0] if kept else list(_LIMIT_STEPS), math.inf
@@ -344,10 +354,15 @@ class Search:
                 begin, mu = begin.x, CORNER
 
     def _solved_program(
-        self, program: CollocationProgram, begin: Array | StoppingPoint, mu: float | None
+        self,
+        program: CollocationProgram,
+        begin: Array | StoppingPoint,
+        mu: float | None,
+        most: int = _MOST_FIRST,
     ) -> StoppingPoint:
         """Solve a program and count the iterations."""
-        most = _MOST_WARM if isinstance(begin, StoppingPoint) else _MOST_FIRST
+        if isinstance(begin, StoppingPoint):
+            most = _MOST_WARM
         point = solve_program(program, begin, self.request.deadline, mu=mu, most=most)
         self.iterations += point.iterations
         return point

@@ -12,6 +12,7 @@ from ares_optimizer.collocation.ascents import (
     try_coast_to_apogee,
     try_other_plane,
 )
+from ares_optimizer.collocation.divided_burn import raises_slowly, try_divided_burn
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
 from ares_optimizer.collocation.search import Search
@@ -50,12 +51,16 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
     short: Shortage | None = None
-    for trial in first_guesses(search):
+    if slowly := raises_slowly(arrays, start):
+        try_divided_burn(search)
+    for trial in () if search.is_conclusive else first_guesses(search):
         if request.deadline.passed or search.is_conclusive or short:
             break
         search.try_start(trial)
         if search.starts == _UNMET and search.best is None and beat_kg is None:
-            short = short_of_propellant(search)
+            if not slowly:
+                try_divided_burn(search)
+            short = short_of_propellant(search) if search.best is None else None
     try_coast_to_apogee(search)
     try_other_plane(search)
     if search.best is None and search.starts < _UNMET and beat_kg is None:

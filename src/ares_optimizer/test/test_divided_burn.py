@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""First guesses of an upper stage of low thrust: its last burn divided by a revolution."""
+
+import pytest
+
+from ares_models.mission import Mission, parse_mission
+from ares_optimizer.collocation.divided_burn import raises_slowly
+from ares_optimizer.solve import solve
+
+#: A stage of 1 m/s2 that raises its apogee to 20,000 km, by two burns unless the file has one.
+STAGE = """
+name: slow
+title: a made-up stage of low thrust in a low orbit
+source: made up for this test
+payload_kg: 3000.0
+environment:
+  mu_m3_s2: 3.986004418e14
+  earth:
+    equatorial_radius_m: 6378137.0
+    polar_radius_m: 6356752.3
+    rotation_rate_rad_s: 7.292115e-5
+  atmosphere: {{model: none}}
+initial_state:
+  time_s: 0.0
+  position_m: [6578137.0, 0.0, 0.0]
+  velocity_m_s: [0.0, 6000.0, 4900.0]
+stages:
+  - name: stage
+    dry_mass_kg: 1500.0
+    propellant_kg: 13000.0
+    arcs:
+      - {{thrust_n: {thrust}, isp_s: 328.0, burn_time_s: free}}
+{more}
+target: {{perigee_altitude_m: 220000.0, apogee_altitude_m: 20.0e6}}
+"""
+MORE = """
+      - {{coast_s: free, max_s: 30000.0}}
+      - {{thrust_n: {thrust}, isp_s: 328.0, burn_time_s: free}}
+"""
+
+
+def mission_of(more: str, thrust: float = 17500.0) -> Mission:
+    return parse_mission(STAGE.format(thrust=thrust, more=more.format(thrust=thrust)), "slow.yaml")
+
+
+def test_two_burns_at_perigee_take_less_than_one() -> None:
+    one, two = (solve(mission_of(more), "collocation") for more in ("", MORE))
+    assert one.converged, one.reason
+    assert two.converged, two.reason
+    assert two.m_f_kg > one.m_f_kg + 50.0
+    # there is a revolution between the burns
+    assert two.t_meco_s > one.t_meco_s + 5000.0
+
+
+@pytest.mark.parametrize(("more", "thrust", "slow"), [(MORE, 17500.0, True), (MORE, 60e3, False)])
+def test_a_stage_raises_slowly_by_its_thrust(more: str, thrust: float, slow: bool) -> None:
+    mission = mission_of(more, thrust)
+    assert raises_slowly(mission.arrays(), mission.start().navigation()) == slow
+
+
+def test_one_burn_is_not_divided() -> None:
+    mission = mission_of("")
+    assert not raises_slowly(mission.arrays(), mission.start().navigation())
