@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Label the instants of a flight to mark in plots."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,9 @@ NEAR_MARKS = 0.15
 
 
 def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
-    """Merge the labels of close instants at the last of them, so that none overlap.
+    """Merge the labels of close instants at the last of them, so that most have room.
+
+    All labels of a group are within NEAR_MARKS of its last instant.
 
     Args:
         words: labels by instant, s.
@@ -24,13 +27,14 @@ def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
     Returns:
         Instants in order, each with a label that may be "".
     """
-    marks = sorted(words.items())
-    for k in range(len(marks) - 1):
-        (at, word), (after, next_word) = marks[k : k + 2]
-        if after - at < NEAR_MARKS * span_s:
-            both = word if next_word in word.split(", ") else f"{word}, {next_word}"
-            marks[k : k + 2] = [(at, ""), (after, both)]
-    return marks
+    groups: dict[float, list[str]] = {}
+    last = math.inf
+    for at, word in sorted(words.items(), reverse=True):
+        if not last - at < NEAR_MARKS * span_s:
+            last = at
+        groups.setdefault(last, []).insert(0, word)
+    labels = {at: ", ".join(dict.fromkeys(group)) for at, group in groups.items()}
+    return [(at, labels.get(at, "")) for at in sorted(words)]
 
 
 def words_of(summary: "FlightSummary") -> dict[float, str]:

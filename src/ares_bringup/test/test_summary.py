@@ -441,10 +441,10 @@ def test_what_is_found_in_states_stands_among_the_events(facts, capsys):
     assert len(to_json(summary)["events"]) == len(summary.events)
 
 
-def test_a_mark_that_follows_its_like_is_not_repeated():
+def test_close_marks_share_the_place_of_the_last_and_a_row_of_them_is_no_single_one():
     words = {75.0: "jettison", 150.0: "jettison", 261.0: "staging", 924.0: "cut-off"}
     assert apart(words, 924.0) == [
-        (75.0, ""),
+        (75.0, "jettison"),
         (150.0, ""),
         (261.0, "jettison, staging"),
         (924.0, "cut-off"),

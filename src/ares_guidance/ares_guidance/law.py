@@ -141,7 +141,8 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
         )
     return (
         f"law {law} flies by a plan of what is free, {name_what_is_free(arrays)}, and there is "
-        f"none: {reason}; `ares optimize --method` or other bounds (min_s, max_s) may find one"
+        f"none: {reason}; `ares optimize --method`, other bounds (min_s, max_s) or less "
+        "payload may find one"
     )
 
 

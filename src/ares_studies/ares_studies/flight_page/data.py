@@ -30,6 +30,8 @@ Columns = Mapping[str, NDArray[Any]]
 MAX_STATES = 1500
 #: Most impact points of a flight.
 MAX_IMPACTS = 300
+#: Pitch beyond which the thrust points up and its azimuth means nothing, deg.
+_UPRIGHT_DEG = 89.0
 #: Navigation error below which navigation equals the truth, m and m/s.
 _NO_ERROR = 1e-9
 
@@ -99,8 +101,9 @@ class States:
         altitude_m: as defined by the mission.
         speed_m_s, relative_speed_m_s: inertial, and relative to the rotating air.
         flight_path_angle_deg: of the inertial velocity.
-        pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state of a flight, which precedes
-            the first command, as are the angle of attack and what it makes.
+        pitch_deg, yaw_deg: see `thrust_angles`; nan without thrust, and the yaw of a thrust that
+            points up. Nan in the first state of a flight, which precedes the first command, as are
+            the angle of attack and what it makes.
         mass_kg, thrust_n: of the vehicle.
         acceleration_m_s2: along the thrust, by thrust and air, as sensed by accelerometers.
         lateral_acceleration_m_s2: the same across the thrust; nan: unknown.
@@ -354,6 +357,10 @@ def states_of(truth: Columns, mission: Mission) -> States:
     """
     position, velocity = truth["position"], truth["velocity"]
     pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
+    coasts = truth["thrust"] <= 0.0
+    pitch[coasts] = yaw[coasts] = math.nan
+    # azimuth of what points up is noise
+    yaw[pitch > _UPRIGHT_DEG] = math.nan
     earth = mission.earth()
     track = ground_track(truth["time"], position, earth)
     # bags of old do not tell of the air
