@@ -76,7 +76,7 @@ def test_no_flight_to_lay_out_is_an_illegal_start(ares_v):
 def test_every_check_has_a_key_of_its_own(ares_v):
     mission, _, _ = ares_v
     solution = solve(mission, "direct11", heating="from_jettison", guess=None)
-    keys = [(check.key, check.jettison) for check in solution.constraints]
+    keys = [(check.key, check.number) for check in solution.constraints]
     assert len(set(keys)) == len(keys)
     assert (Check.HEATING_AT_JETTISON, 0) in keys
     assert {Check.RADIUS, Check.HEATING_FROM_JETTISON, Check.PROPELLANT} < {key for key, _ in keys}

@@ -399,8 +399,8 @@ def _with_sensitivities(
         sensitivities[Check.HEATING_AT_JETTISON, j] = (
             -float(point.multipliers[row]) * program.mass / float(arrays.jettisons[j]["value"])
         )
-    for (stage, kind), rows in program.limit_rows.items():
-        key = PRESSURE_CHECKS[kind]
+    for stage, kind in acting_limits(proven.found):
+        key, rows = PRESSURE_CHECKS[kind], program.limit_rows[stage, kind]
         # row: 1 - q / limit, or 1 - (q alpha / limit)^2
         slope = (2.0 if kind == Q_ALPHA_RULE else 1.0) / limits_of(arrays, key)[stage]
         sum_of_rows = float(point.multipliers[rows].sum())
