@@ -365,9 +365,7 @@ def compare(names: Sequence[str], told: Sequence[Told]) -> PageTable:
         values = [getattr(one.budget, field) for one in told]
         if any(math.isfinite(value) and value for value in values):
             rows.append(_compared(f"delta-V, {name}, m/s", values, 2))
-    return PageTable(
-        columns, tuple(rows), "In small letters: the difference from the first flight."
-    )
+    return PageTable(columns, tuple(rows), "In small letters: the difference from the first.")
 
 
 def _compared(label: str, values: Sequence[float | None], decimals: int | None) -> Row:
