@@ -22,6 +22,8 @@ INK = "#1f2933"
 FAINT = "#d5dbe1"
 LINE = "#0b6bcb"
 ACCENT = "#c8511b"
+#: Width of a letter of a label, as a share of a panel's width, and height of a row, points.
+LETTER, ROW = 0.0108, 9
 
 
 def draw_flight(
@@ -65,6 +67,7 @@ def draw_flight(
     _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
     # the first sample precedes the first command
     pitch, _ = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
+    pitch[truth["thrust"] <= 0.0] = math.nan
     _line(axes[1, 1], t[1:], pitch[1:], "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     if np.any(truth["heating_rate"] > 0.0):
@@ -96,12 +99,18 @@ def _mark(axes: Any, marks: Sequence[Mark]) -> None:
         for at, _ in marks:
             panel.axvline(at, color=FAINT, linewidth=1.0, zorder=0)
     for panel in axes[0]:
+        low, high = panel.get_xlim()
+        end, row = -math.inf, 0
         for at, word in marks:
+            half = 0.5 * LETTER * len(word) * (high - low)
+            # over the one before it there is room for a second row
+            row = (row + 1) % 2 if word and at - half < end else 0
+            end = at + half if word else end
             panel.annotate(
                 word,
                 (at, 1.0),
                 xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
+                xytext=(0, 3 + ROW * row),
                 textcoords="offset points",
                 fontsize=7.5,
                 color=INK,
@@ -120,7 +129,7 @@ def _line(
     step: bool = False,
 ) -> None:
     panel.plot(t, y, color=LINE, linewidth=1.6, drawstyle="steps-post" if step else "default")
-    panel.set_title(label, fontsize=9.5, color=INK, loc="left", pad=14)
+    panel.set_title(label, fontsize=9.5, color=INK, loc="left", pad=23)
     panel.tick_params(labelsize=8.5, colors=INK)
     panel.grid(axis="y", color=FAINT, linewidth=0.6)
     for side in ("top", "right"):
