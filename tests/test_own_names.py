@@ -14,6 +14,7 @@ from tf2_msgs.msg import TFMessage
 from ares_bringup.recorded import read_flight
 from ares_node.qos import reliable
 from ares_trials.testing.flights import short_burn
+from ares_trials.testing.samples import one_in
 
 NAMESPACES = ("east", "west")
 #: By their names without the namespace.
@@ -34,13 +35,7 @@ def heard(graph):
     return found
 
 
-@pytest.mark.parametrize(
-    "way",
-    [
-        pytest.param([], id="processes", marks=pytest.mark.trial),
-        pytest.param(["--in-process"], id="one process"),
-    ],
-)
+@pytest.mark.parametrize("way", one_in(2, [["--in-process"], []]), ids=["one process", "processes"])
 def test_each_has_names_and_frames_of_its_own(graph, heard, ros_environment, tmp_path, way):
     # the cover stays on, which is reported
     mission = tmp_path / "mission.yaml"

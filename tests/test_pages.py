@@ -9,8 +9,6 @@ import pytest
 from ares_trials.testing.pages import FIGURES, illegible
 
 PAGES = ("page_of_one", "page_of_two", "page_of_many", "page_of_map", "page_of_thesis")
-
-
 LOOKS = (("narrow", "dark"), ("wide", "light"), ("narrow", "light"), ("wide", "dark"))
 
 

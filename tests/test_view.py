@@ -31,6 +31,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, VehicleState
 from ares_node.qos import EVENTS, FLIGHT
 from ares_node.time import ns_from_stamp, stamp_from_seconds
+from ares_trials.testing.samples import one_in
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_view.standard.frames import EARTH as ROOT
 from ares_view.standard.frames import Frames
@@ -308,13 +309,7 @@ def test_tf_is_the_type_that_tools_know():
     }
 
 
-@pytest.mark.parametrize(
-    "way",
-    [
-        pytest.param((), id="processes", marks=pytest.mark.trial),
-        pytest.param(("--in-process",), id="one process"),
-    ],
-)
+@pytest.mark.parametrize("way", one_in(2, [["--in-process"], []]), ids=["one process", "processes"])
 def test_a_flight_is_the_same_whether_it_is_shown_or_not(ares, tmp_path, way):
     words = ("fly", "--mission", "ares_v", *way, "--json", "--nav-period", "1")
     plain = ares(*words, "--bag", str(tmp_path / "plain"))

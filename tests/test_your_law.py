@@ -13,6 +13,7 @@ import pytest
 
 from ares_bags.reader import open_bag
 from ares_guidance.law import LawKind
+from ares_trials.testing.samples import one_in
 
 PAGE = Path(__file__).parent.parent / "docs" / "your_law.md"
 
@@ -36,7 +37,7 @@ def ares(environment, *words):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("layout", [["--in-process"], pytest.param([], marks=pytest.mark.trial)])
+@pytest.mark.parametrize("layout", one_in(2, [["--in-process"], []]))
 def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):
     flown = ares(
         installed,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ares_studies.flight_page.charts import AIR
 from ares_studies.flight_page.data import DrawnFlight
-from ares_studies.flight_page.geometry import thrust_angles
+from ares_studies.flight_page.geometry import attitude
 
 Columns = Mapping[str, NDArray[np.float64]]
 #: An instant to mark: mission elapsed time in s, and a label.
@@ -66,8 +66,7 @@ def draw_flight(
     _line(axes[1, 0], t, np.degrees(truth["flight_path_angle"]), "flight-path angle, deg")
     _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
     # the first sample precedes the first command
-    pitch, _ = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
-    pitch[truth["thrust"] <= 0.0] = math.nan
+    pitch, _ = attitude(truth)
     _line(axes[1, 1], t[1:], pitch[1:], "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     if np.any(truth["heating_rate"] > 0.0):
@@ -101,11 +100,11 @@ def _mark(axes: Any, marks: Sequence[Mark]) -> None:
     for panel in axes[0]:
         low, high = panel.get_xlim()
         end, row = -math.inf, 0
-        for at, word in marks:
+        for at, word in ((at, word) for at, word in marks if word):
             half = 0.5 * LETTER * len(word) * (high - low)
             # over the one before it there is room for a second row
-            row = (row + 1) % 2 if word and at - half < end else 0
-            end = at + half if word else end
+            row = (row + 1) % 2 if at - half < end else 0
+            end = at + half
             panel.annotate(
                 word,
                 (at, 1.0),

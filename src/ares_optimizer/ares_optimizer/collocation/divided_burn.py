@@ -12,15 +12,15 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from ares_models.arrays import BURN, COAST, MissionArrays
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.kepler import kepler
+from ares_models.kernels.vectors import dot, norm
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.ascents import first_guesses, track_of
-from ares_optimizer.collocation.pilot import Array, TrialFlight
+from ares_optimizer.collocation.pilot import TrialFlight, path_of, without_repeats
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -93,13 +93,13 @@ def _divided(search: Search, found: FoundOptimum) -> Iterator[TrialFlight]:
     """Yield flights with the last burn of a flight divided by a revolution."""
     arrays, mu = search.arrays, float(search.arrays.environment[0]["mu"])
     times, track = times_of(found.program, found.point.x), track_of(found)
+    path = path_of(without_repeats(track))
     begin = last_begin(found.program.arrays, search.start[0], times.lengths)
     coast = arrays.arcs[-2]
     for share in _SHARES:
         end = begin + share * (times.cutoff - begin)
-        at = _state_at(track, end)
-        r, v = tuple(at[:3].tolist()), tuple(at[3:].tolist())
-        energy = 0.5 * float(at[3:] @ at[3:]) - mu / float(np.linalg.norm(at[:3]))
+        r, v = (tuple(path(end, order).tolist()) for order in (0, 1))
+        energy = 0.5 * dot(v, v) - mu / norm(r)
         if energy >= 0.0:
             continue
         period = math.tau * mu / (-2.0 * energy) ** 1.5
@@ -122,14 +122,3 @@ def _divided(search: Search, found: FoundOptimum) -> Iterator[TrialFlight]:
         )
         flown = np.vstack((before, between, after))
         yield TrialFlight(whole, flown, 0.0, limited=True, near=True)
-
-
-def _state_at(track: Array, time: float) -> Array:
-    """Interpolate position, m, and velocity, m/s, of a track, shape (6,)."""
-    _, rows = np.unique(track[:, rollout.TIME], return_index=True)
-    path = CubicHermiteSpline(
-        track[rows, rollout.TIME],
-        track[rows, rollout.POSITION : rollout.VELOCITY],
-        track[rows, rollout.VELOCITY : rollout.DIRECTION],
-    )
-    return np.concatenate((path(time), path(time, 1)))

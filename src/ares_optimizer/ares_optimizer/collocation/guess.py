@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from ares_models.arrays import (
     BURN,
@@ -21,7 +20,15 @@ from ares_models.arrays import (
 )
 from ares_models.floors import Floor
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, TrialFlight, target_energy
+from ares_optimizer.collocation.pilot import (
+    CONSTANTS,
+    Array,
+    Pilot,
+    TrialFlight,
+    path_of,
+    target_energy,
+    without_repeats,
+)
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
@@ -537,14 +544,8 @@ def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
     """
     x = variables_of_trial(program)
     times = node_times(program)
-    track = trial.track
-    _, rows = np.unique(track[:, rollout.TIME], return_index=True)
-    track = track[rows]
-    path = CubicHermiteSpline(
-        track[:, rollout.TIME],
-        track[:, rollout.POSITION : rollout.VELOCITY],
-        track[:, rollout.VELOCITY : rollout.DIRECTION],
-    )
+    track = without_repeats(trial.track)
+    path = path_of(track)
     times = np.clip(times, track[0, rollout.TIME], track[-1, rollout.TIME])
     states = np.column_stack((path(times), path(times, 1)))
     states[:, :3] /= program.radius

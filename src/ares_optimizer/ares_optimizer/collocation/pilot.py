@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import least_squares
 
 from ares_models.arrays import (
@@ -80,6 +81,21 @@ class TrialFlight:
     turned: bool = False
     met: int = 1
     near: bool = False
+
+
+def without_repeats(track: Array) -> Array:
+    """Return the rows of a track in order of time, one for each instant."""
+    _, rows = np.unique(track[:, rollout.TIME], return_index=True)
+    return track[rows]
+
+
+def path_of(track: Array) -> CubicHermiteSpline:
+    """Interpolate the positions of a track without repeats; its derivative is the velocity."""
+    return CubicHermiteSpline(
+        track[:, rollout.TIME],
+        track[:, rollout.POSITION : rollout.VELOCITY],
+        track[:, rollout.VELOCITY : rollout.DIRECTION],
+    )
 
 
 class Pilot:

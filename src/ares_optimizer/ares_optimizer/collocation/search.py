@@ -358,11 +358,11 @@ class Search:
         program: CollocationProgram,
         begin: Array | StoppingPoint,
         mu: float | None,
-        most: int = _MOST_FIRST,
+        most: int | None = None,
     ) -> StoppingPoint:
         """Solve a program and count the iterations."""
-        if isinstance(begin, StoppingPoint):
-            most = _MOST_WARM
+        if most is None:
+            most = _MOST_WARM if isinstance(begin, StoppingPoint) else _MOST_FIRST
         point = solve_program(program, begin, self.request.deadline, mu=mu, most=most)
         self.iterations += point.iterations
         return point

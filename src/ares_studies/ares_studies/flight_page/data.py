@@ -17,10 +17,10 @@ from ares_models.plans import flies_in_air
 from ares_studies.flight_page.budget import Budget, make_budget, propellant_left
 from ares_studies.flight_page.geometry import (
     GroundTrack,
+    attitude,
     ground_range,
     ground_track,
     impact_track,
-    thrust_angles,
 )
 
 Array = NDArray[np.float64]
@@ -30,8 +30,6 @@ Columns = Mapping[str, NDArray[Any]]
 MAX_STATES = 1500
 #: Most impact points of a flight.
 MAX_IMPACTS = 300
-#: Pitch beyond which the thrust points up and its azimuth means nothing, deg.
-_UPRIGHT_DEG = 89.0
 #: Navigation error below which navigation equals the truth, m and m/s.
 _NO_ERROR = 1e-9
 
@@ -101,9 +99,8 @@ class States:
         altitude_m: as defined by the mission.
         speed_m_s, relative_speed_m_s: inertial, and relative to the rotating air.
         flight_path_angle_deg: of the inertial velocity.
-        pitch_deg, yaw_deg: see `thrust_angles`; nan without thrust, and the yaw of a thrust that
-            points up. Nan in the first state of a flight, which precedes the first command, as are
-            the angle of attack and what it makes.
+        pitch_deg, yaw_deg: see `attitude`; nan in the first state of a flight too, which precedes
+            the first command, as are the angle of attack and what it makes.
         mass_kg, thrust_n: of the vehicle.
         acceleration_m_s2: along the thrust, by thrust and air, as sensed by accelerometers.
         lateral_acceleration_m_s2: the same across the thrust; nan: unknown.
@@ -356,11 +353,7 @@ def states_of(truth: Columns, mission: Mission) -> States:
         mission: flown mission.
     """
     position, velocity = truth["position"], truth["velocity"]
-    pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
-    coasts = truth["thrust"] <= 0.0
-    pitch[coasts] = yaw[coasts] = math.nan
-    # azimuth of what points up is noise
-    yaw[pitch > _UPRIGHT_DEG] = math.nan
+    pitch, yaw = attitude(truth)
     earth = mission.earth()
     track = ground_track(truth["time"], position, earth)
     # bags of old do not tell of the air

@@ -2,6 +2,7 @@
 """Compute ground track, thrust angles and instantaneous impact points."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from ares_models.earth import Earth
 from ares_models.kernels.impact import fall
 
 Array = NDArray[np.float64]
+
+#: Pitch beyond which the thrust points up and its azimuth means nothing, deg.
+_UPRIGHT_DEG = 89.0
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,23 @@ def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[A
     across = np.sum(direction * right, axis=1)
     ahead = np.sum(direction * along, axis=1)
     return np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))), np.degrees(np.arctan2(across, ahead))
+
+
+def attitude(truth: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Compute pitch and yaw of the thrust along a flight, as they are drawn.
+
+    Args:
+        truth: columns of VehicleState.
+
+    Returns:
+        As :func:`thrust_angles`; nan without thrust, and the yaw of a thrust that points up.
+    """
+    pitch, yaw = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
+    coasts = truth["thrust"] <= 0.0
+    pitch[coasts] = yaw[coasts] = math.nan
+    # azimuth of what points up is noise
+    yaw[pitch > _UPRIGHT_DEG] = math.nan
+    return pitch, yaw
 
 
 def ground_track(time: Array, position: Array, earth: Earth) -> GroundTrack:
