@@ -56,6 +56,20 @@ LEAST_FLOOR = 1e3
 SYNCHRONOUS = 1e-3
 #: Least dry mass over propellant; the lightest stages have three times as much.
 LEAST_STRUCTURE = 0.01
+#: Least payload, and least fairing, over the mass at the start; seen are 5e-4 and more.
+LEAST_LOAD = 1e-4
+#: Largest jettison over the mass at the start; seen is at most a tenth of it.
+LARGEST_JETTISON = 1.0 / 3.0
+#: Least altitude of an orbit, m; a smaller one is probably in km.
+LEAST_ALTITUDE = 3e3
+#: Largest thrust over mass at ignition, m/s2, of one of several boosters; seen are at most 46.
+FIERCEST_BOOSTER = 60.0
+#: Largest thrust over mass at lift-off, m/s2; launchers with boosters have at most 20.
+FIERCEST_LIFT_OFF = 30.0
+#: Least thrust over mass of what lifts off, m/s2, on the Earth.
+GRAVITY = 9.8
+#: Largest radius of an orbit that counts as low, over that of the body.
+LOW = 1.5
 
 
 class Doubt(NamedTuple):
@@ -109,8 +123,10 @@ def at_its_line(text: str, name_or_path: str | Path) -> str:
 
 def _doubts(mission: "Mission") -> Iterator[Doubt]:
     yield from _start(mission)
+    yield from _loads(mission)
     for i in range(len(mission.stages)):
         yield from _stage(mission, i)
+        yield from _boosters(mission, i)
     yield from _heating_limits(mission)
     yield from _target(mission)
 
@@ -145,6 +161,68 @@ def _start(mission: "Mission") -> Iterator[Doubt]:
         yield Doubt(("initial_state", form.MOTION), f"makes {speed:.3g} m/s; is it in m/s?")
 
 
+def _loads(mission: "Mission") -> Iterator[Doubt]:
+    """Tell of a payload or a jettison that is too light or too heavy by orders of magnitude."""
+    whole = mission.ignition_mass(0)
+    payload = mission.payload_kg
+    if payload is not None and 0.0 < payload < LEAST_LOAD * whole:
+        yield Doubt(
+            ("payload_kg",),
+            f"is {payload:g} kg of {whole:,.6g} kg at the start; is it in kg?",
+        )
+    by_item = [stage.dry_mass_kg for stage in mission.stages if stage.dry_mass_kg is not None]
+    for k, jettison in enumerate(mission.jettisons):
+        path, mass = ("jettisons", k, "mass_kg"), jettison.mass_kg
+        fairing = jettison.heating_limit_w_m2 is not None
+        if fairing and by_item and mass > sum(by_item):
+            yield Doubt(
+                path,
+                f"is {mass:,.6g} kg, all empty stages together {sum(by_item):,.6g} kg; "
+                "is it in kg?",
+            )
+        elif mass > LARGEST_JETTISON * whole or (fairing and mass < LEAST_LOAD * whole):
+            yield Doubt(path, f"is {mass:,.6g} kg of {whole:,.6g} kg at the start; is it in kg?")
+
+
+def _boosters(mission: "Mission", i: int) -> Iterator[Doubt]:
+    """Tell of boosters whose thrust looks like that of all of them, or whose Isp is none."""
+    stage, g0 = mission.stages[i], mission.environment.g0_m_s2
+    mass = mission.ignition_mass(i)
+    lit = [booster for booster in stage.boosters if booster.ignition_s == 0.0]
+    first = stage.flight_arcs[0]
+    thrust = first.full_thrust_n if isinstance(first, BurnArc) else 0.0
+    thrust += sum(float(booster.thrust(g0)[1].max()) for booster in lit)
+    for k, booster in enumerate(stage.boosters):
+        path, count = ("stages", i, "boosters", k), booster.count
+        all_of_them = float(booster.thrust(g0)[1].max())
+        one = all_of_them / count / (booster.dry_mass_kg + booster.propellant_kg)
+        # the whole, too, if each had an Nth of the thrust
+        shared = (thrust - all_of_them * (1.0 - 1.0 / count)) / mass
+        lift_off = booster in lit and thrust / mass > FIERCEST_LIFT_OFF and shared > GRAVITY
+        asked = f"is it of one booster, not of all {count}?" if count > 1 else "is it in N?"
+        key = "thrust_n" if booster.thrust_table is None else "thrust_table"
+        exhaust = 1.0 / booster.flow_per_thrust(g0)
+        chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
+        if not chemical and booster.isp_s is not None:
+            yield Doubt((*path, "isp_s"), _no_isp(exhaust, g0))
+        elif not chemical:
+            yield Doubt((*path, key), f"makes an Isp of {exhaust / g0:.4g} s; {asked}")
+        elif count > 1 and one > FIERCEST_BOOSTER:
+            yield Doubt((*path, key), f"lifts one with {one:.0f} m/s2 at ignition; {asked}")
+        elif count > 1 and lift_off:
+            together = f"with all that burns makes {thrust / mass:.0f} m/s2 at lift-off"
+            yield Doubt((*path, key), f"{together}; {asked}")
+
+
+def _no_isp(exhaust: float, g0: float) -> str:
+    """Describe an exhaust velocity, m/s, that no chemical engine has, as an Isp; g0 in m/s2."""
+    low, high = (speed / g0 for speed in CHEMICAL)
+    speed = CHEMICAL[0] <= exhaust / g0 <= CHEMICAL[1]
+    meant = f"; an exhaust velocity of {exhaust / g0:g} m/s" if speed else ""
+    meant += f" is {exhaust / g0**2:.1f} s" if speed else ""
+    return f"is {exhaust / g0:g} s; chemical engines have {low:.0f} to {high:.0f} s{meant}"
+
+
 def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
     stage, g0 = mission.stages[i], mission.environment.g0_m_s2
     mass = mission.ignition_mass(i)
@@ -162,14 +240,7 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
         isp_key = "isp_s" if burn.mass_flow_table is None else "mass_flow_table"
         chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
         if not chemical and acceleration > CHEMICAL_ACCELERATION:
-            low, high = (speed / g0 for speed in CHEMICAL)
-            speed = CHEMICAL[0] <= exhaust / g0 <= CHEMICAL[1]
-            meant = f"; an exhaust velocity of {exhaust / g0:g} m/s" if speed else ""
-            meant += f" is {exhaust / g0**2:.1f} s" if speed else ""
-            yield Doubt(
-                (*path, *stage.arc_path(k, isp_key)),
-                f"is {exhaust / g0:g} s; chemical engines have {low:.0f} to {high:.0f} s{meant}",
-            )
+            yield Doubt((*path, *stage.arc_path(k, isp_key)), _no_isp(exhaust, g0))
         if acceleration > FIERCEST:
             yield Doubt(
                 (*path, *stage.arc_path(k, thrust_key)),
@@ -277,11 +348,16 @@ def _plane_from_pad(mission: "Mission") -> Iterator[Doubt]:
     latitude = abs(math.degrees(math.asin(z / radius)))
     least = latitude - min(target.inclination_deg, 180.0 - target.inclination_deg)
     node = target.node_deg(mission)
-    if least > LARGEST_DOG_LEG_DEG:
+    meant = math.degrees(target.inclination_deg)
+    radians = latitude <= meant <= 180.0 - latitude and least > 0.0
+    highest = _highest(mission)
+    low = highest is not None and highest < LOW * mission.environment.earth.equatorial_radius_m
+    if least > LARGEST_DOG_LEG_DEG or (radians and low and least > SAME_PLANE_DEG):
         yield Doubt(
             ("target", "inclination_deg"),
             f"is {target.inclination_deg:g}, a plane that does not reach the pad's latitude, "
-            f"{latitude:.1f} deg: the flight has to turn by {least:.1f} deg or more, a dog leg",
+            f"{latitude:.1f} deg: the flight has to turn by {least:.1f} deg or more, a dog leg"
+            + (f"; or is it in radians, {meant:.2f} deg?" if radians else ""),
         )
     elif node is not None:
         turn = math.radians(node)
@@ -347,8 +423,13 @@ def _orbit(mission: "Mission", path: KeyPath, target: TargetOrbit) -> Iterator[D
         if radius is None:
             continue
         thick = _over_equator(mission, radius)
+        height = radius - mission.environment.earth.equatorial_radius_m
+        asked = "; is it in m?" if 0.0 < height < LEAST_ALTITUDE else ""
         if thick > THICK_AIR:
-            yield Doubt((*path, target.key_of(apsis)), _inside(thick))
+            yield Doubt((*path, target.key_of(apsis)), f"{_inside(thick)}{asked}")
+            return
+        if asked:
+            yield Doubt((*path, target.key_of(apsis)), f"is at {height:,.6g} m{asked}")
             return
 
 

@@ -32,7 +32,12 @@ def changed(tmp_path, changes, base=TEMPLATE):
 SLIPS = {
     "circle in km": (
         {"target.perigee_altitude_m": 300.0, "target.apogee_altitude_m": 300.0},
-        ["target.perigee_altitude_m is inside the air, 1.2e+00 kg/m3"],
+        [
+            (
+                "target.perigee_altitude_m is inside the air, 1.2e+00 kg/m3: "
+                "no orbit lasts there; is it in m?"
+            )
+        ],
     ),
     "orbit too low": (
         {"target.perigee_altitude_m": 95e3},
@@ -69,6 +74,32 @@ SLIPS = {
     "limit that no part of the orbit meets": (
         {"target.perigee_altitude_m": 118e3, "target.apogee_altitude_m": 118e3},
         ["jettisons[0].heating_limit_w_m2 may never be met: in the target's orbit it is 5,"],
+    ),
+    "payload in t": (
+        {"payload_kg": 0.2},
+        ["payload_kg is 0.2 kg of 14,200.2 kg at the start; is it in kg?"],
+    ),
+    "fairing times a hundred": (
+        {"jettisons.0.mass_kg": 2500.0},
+        ["jettisons[0].mass_kg is 2,500 kg, all empty stages together 1,185 kg; is it in kg?"],
+    ),
+    "fairing in t": (
+        {"jettisons.0.mass_kg": 0.05},
+        ["jettisons[0].mass_kg is 0.05 kg of 14,350 kg at the start; is it in kg?"],
+    ),
+    "inclination from the pad in radians": (
+        {"target.inclination_deg": 0.785},
+        [
+            (
+                "target.inclination_deg is 0.785, a plane that does not reach the pad's latitude, "
+                "39.1 deg: the flight has to turn by 38.3 deg or more, a dog leg; or is it in radians, "
+                "44.98 deg?"
+            )
+        ],
+    ),
+    "plane over both poles in radians, from near the equator": (
+        {"initial_state.geodetic_latitude_deg": 5.24, "target.inclination_deg": 1.7},
+        ["target.inclination_deg is 1.7, a plane that does not reach the pad's latitude, 5.2 deg"],
     ),
     "inclination below the pad's latitude": (
         {"target.inclination_deg": 20.0},
@@ -110,6 +141,45 @@ ABOVE_THE_AIR = {
         ["initial_state.speed_m_s makes 3.02 m/s; is it in m/s?"],
     ),
 }
+
+
+#: Slips of launchers with boosters: key, value, the changed mission, and the warning.
+BOOSTERS = "stages.0.boosters.0"
+WITH_BOOSTERS = {
+    "thrust of all with a burn time": (
+        "soyuz_sso_pad",
+        {"thrust_n": 4.0 * 1_021_300.0},
+        "thrust_n makes an Isp of 1275 s; is it of one booster, not of all 4?",
+    ),
+    "thrust of all with an Isp": (
+        "soyuz_sso_pad",
+        {"thrust_n": 4.0 * 1_021_300.0, "isp_s": 319.0, "burn_time_s": None},
+        "thrust_n lifts one with 92 m/s2 at ignition; is it of one booster, not of all 4?",
+    ),
+    "thrust of both with an Isp": (
+        "ariane5_eca_pad",
+        {"thrust_n": 1.4e7, "isp_s": 274.5, "thrust_table": None},
+        "thrust_n with all that burns makes 38 m/s2 at lift-off; is it of one booster, not of",
+    ),
+    "table of both": (
+        "ariane5_eca_pad",
+        {"thrust_table": [[0.0, 1.4e7], [100.0, 1e7], [127.0, 2e6]]},
+        "thrust_table makes an Isp of 578.7 s; is it of one booster, not of all 2?",
+    ),
+    "Isp times ten": (
+        "soyuz_sso_pad",
+        {"thrust_n": 1.1e7, "isp_s": 3_190.0, "burn_time_s": None},
+        "isp_s is 3190 s; chemical engines have 61 to 500 s",
+    ),
+}
+
+
+@pytest.mark.parametrize("slip", WITH_BOOSTERS)
+def test_a_slip_at_boosters_is_named(tmp_path, slip):
+    base, changes, text = WITH_BOOSTERS[slip]
+    file = changed(tmp_path, {f"{BOOSTERS}.{key}": at for key, at in changes.items()}, base)
+    (line,) = warnings(load_mission(file))
+    assert line.startswith(f"stages[0].boosters[0].{text}"), line
 
 
 @pytest.mark.parametrize("slip", [*SLIPS, *ABOVE_THE_AIR])
@@ -170,3 +240,15 @@ def test_a_cut_off_deep_in_the_air(tmp_path):
     assert line.startswith("target.radius_m is inside the air")
     # where there is no air an orbit may be as low as the ground allows
     assert warnings(load_mission("apollo11_ascent")) == []
+
+
+def test_an_altitude_in_km_where_there_is_no_air(tmp_path):
+    target = {"perigee_altitude_m": 17.0, "apogee_altitude_m": 83e3}
+    (line,) = warnings(load_mission(changed(tmp_path, {"target": target}, "apollo11_ascent")))
+    assert line == "target.perigee_altitude_m is at 17 m; is it in m?"
+
+
+@pytest.mark.parametrize("inclination", [2.0, 6.0])
+def test_of_the_plane_of_a_high_orbit_from_near_the_equator_nothing_is_said(tmp_path, inclination):
+    changes = {"target.inclination_deg": inclination}
+    assert warnings(load_mission(changed(tmp_path, changes, "ariane5_eca_pad"))) == []
