@@ -13,6 +13,8 @@ from typing import Any
 
 import yaml
 
+from ares_models.yaml_advice import advise
+
 #: Bounds on size, number of values and nesting, so that any file is read within seconds.
 MAX_BYTES = 1 << 18
 MAX_VALUES = 1 << 15
@@ -44,14 +46,6 @@ _SAME = {
     "altitude": ("radius_m", _COUNTED),
     "height": ("radius_m", _COUNTED),
     "longitude": ("right_ascension_deg", ", which counts from the inertial x axis"),
-}
-
-#: What a person can do about a complaint of the YAML parser, by words of it.
-_YAML_HINTS = {
-    "mapping values are not allowed": (
-        "text with a colon stands in quotes, keys of one mapping begin in one column"
-    ),
-    r"'\t'": "lines are indented by spaces, not by tabs",
 }
 
 
@@ -279,11 +273,9 @@ def parse_input(
     try:
         node = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"line {mark.line + 1}: " if mark else ""
-        what = " ".join(filter(None, (error.context, error.problem))).replace("\n", " ")
-        hint = "".join(f"; {text}" for words, text in _YAML_HINTS.items() if words in what)
-        raise kind.error(source, [f"{where}not valid YAML: {what}{hint}"]) from error
+        line, what = advise(text, error)
+        where = f"line {line}: " if line else ""
+        raise kind.error(source, [f"{where}not valid YAML: {what}"]) from error
     except yaml.YAMLError as error:
         what = " ".join(str(error).split())
         raise kind.error(source, [f"not valid YAML: {what}"]) from error

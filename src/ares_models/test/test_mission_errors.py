@@ -826,7 +826,45 @@ FILES = {
     "a word": (b"mission\n", "is 'mission'; expected a mapping"),
     "binary": (bytes(range(256)), "is not text (byte "),
     "control characters": (b"name: \x00\x01\n", "not valid YAML"),
-    "bad indent": (b"name: x\n  title: y\n", "keys of one mapping begin in one column"),
+    "bad indent": (
+        b"name: x\n  title: y\n",
+        (
+            "line 2: not valid YAML: indented by 2 blanks, its neighbour in line 1 by 0; keys of "
+            "one mapping begin in one column"
+        ),
+    ),
+    "indent one short": (
+        b"stages:\n  - name: x\n    # a comment\n    isp_s: 1\n\n   thrust_n: 2\n",
+        "line 6: not valid YAML: indented by 3 blanks, its neighbour in line 4 by 4; keys of one",
+    ),
+    "indent one more": (
+        b"stages:\n  - name: x\n     isp_s: 1\n",
+        "line 3: not valid YAML: indented by 5 blanks, its neighbour in line 2 by 4; keys of one",
+    ),
+    "item of a list": (
+        b"stages:\n  - name: x\n - name: y\n",
+        "line 3: not valid YAML: indented by 1 blank, its neighbour in line 2 by 2; items of one",
+    ),
+    "no colon": (
+        b"title: x\nname falcon  # a name\nsource: y\n",
+        "line 2: not valid YAML: 'name falcon' is no 'key: value'; is a colon missing?",
+    ),
+    "no colon at first": (
+        b"name falcon\n\n# a title\ntitle: y\n",
+        "line 1: not valid YAML: 'name falcon' is no 'key: value'; is a colon missing?",
+    ),
+    "no colon in a list": (
+        b"stages:\n  - name x\n    isp_s: 1\n",
+        "line 2: not valid YAML: 'name x' is no 'key: value'; is a colon missing?",
+    ),
+    "no colon before a mapping": (
+        b"environment:\n  earth\n    j2: 0\n",
+        "line 2: not valid YAML: 'earth' is no 'key: value'; is a colon missing?",
+    ),
+    "no blank behind a colon": (
+        b"title: x\nname:falcon\nsource: y\n",
+        "line 2: not valid YAML: 'name:falcon' is no 'key: value'; is a blank behind the colon",
+    ),
     "colon in a text": (b"title: x: y\n", "here; text with a colon stands in quotes"),
     "open bracket": (b"name: [1, 2\ntitle: y\n", "not valid YAML"),
     "tab": (b"name:\n\t- x\n", "; lines are indented by spaces, not by tabs"),

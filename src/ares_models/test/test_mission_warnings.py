@@ -92,8 +92,8 @@ SLIPS = {
         [
             (
                 "target.inclination_deg is 0.785, a plane that does not reach the pad's latitude, "
-                "39.1 deg: the flight has to turn by 38.3 deg or more, a dog leg; or is it in radians, "
-                "44.98 deg?"
+                "39.1 deg: the flight has to turn by 38.3 deg or more, a dog leg; or is it in "
+                "radians, 44.98 deg?"
             )
         ],
     ),
