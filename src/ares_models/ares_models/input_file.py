@@ -379,6 +379,9 @@ _UNITS = {
     "_h": "h",
 }
 
+#: Errors of a whole block.
+_NOT_THE_BLOCK = ("missing", "model_type", "model_attributes_type", "tuple_type")
+
 _EXPECTED: dict[str, str] = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -441,6 +444,7 @@ def explain(
     item: Mapping[str, Any],
     lines: Mapping[KeyPath, int],
     siblings: Callable[[KeyPath], Sequence[str]],
+    blocks: Mapping[str, str] | None = None,
 ) -> str:
     """Explain a pydantic error in one line.
 
@@ -448,6 +452,8 @@ def explain(
         item: element of ``ValidationError.errors()``.
         lines: line of every key path, from :func:`read_input`.
         siblings: function that returns the known keys of the mapping around a location.
+        blocks: what is expected in place of a whole block that is missing or of another kind, by
+            key path.
     """
     kind = item["type"]
     context: dict[str, Any] = item.get("ctx", {})
@@ -472,6 +478,7 @@ def explain(
         elif kind in ("model_type", "model_attributes_type"):
             expected = f"a mapping with keys such as {siblings((*item['loc'], ''))[0]}"
     name = format_path(place) or "the file"
+    block = (blocks or {}).get(name) if kind in _NOT_THE_BLOCK else None
     line = _line(place, lines)
     where = f"line {line}: " if line else ""
     if kind == "extra_forbidden":
@@ -484,8 +491,8 @@ def explain(
             unit = unit_of(place[-1])
             number = isinstance(place[-1], int)
             expected = f"a number{unit}" if unit or number else "a value"
-        return f"{where}{name} is missing; expected {expected}"
-    return f"{where}{name} is {format_value(value)}; expected {expected}"
+        return f"{where}{name} is missing; expected {block or expected}"
+    return f"{where}{name} is {format_value(value)}; expected {block or expected}"
 
 
 def _meant(word: str, known: Sequence[str]) -> str:

@@ -54,9 +54,10 @@ from ares_models.mission_programme import (
     UntilPart,
     WhenPart,
 )
+from ares_models.mission_start import EXPECTED_START, InitialState
 from ares_models.mission_start import FORMS as START_FORMS
-from ares_models.mission_start import InitialState
 from ares_models.mission_target import (
+    EXPECTED_TARGET,
     Target,
     TargetOrbit,
     TargetState,
@@ -445,7 +446,7 @@ def parse_mission(text: str, source: str) -> Mission:
     try:
         return Mission.model_validate(data)
     except ValidationError as error:
-        problems = [explain(item, lines, _siblings) for item in by_cause(error.errors())]
+        problems = [explain(item, lines, _siblings, _BLOCKS) for item in by_cause(error.errors())]
         raise MissionError(source, problems) from None
 
 
@@ -466,6 +467,21 @@ _FORMS: dict[str, type[Part]] = {
     "<coast>": CoastArc,
     "<state>": TargetState,
     "<orbit>": TargetOrbit,
+}
+
+#: What an error message names where a whole block is missing, by key path.
+_BLOCKS = {
+    "environment": "a mapping with mu_m3_s2, earth and atmosphere",
+    "environment.earth": (
+        "a mapping with equatorial_radius_m, polar_radius_m and rotation_rate_rad_s"
+    ),
+    "environment.atmosphere": "a mapping with model, such as us76 or none",
+    "initial_state": EXPECTED_START,
+    "stages": (
+        "a list, each with name, dry_mass_kg, propellant_kg, thrust_n, isp_s and burn_time_s, or "
+        "arcs in place of the last three"
+    ),
+    "target": EXPECTED_TARGET,
 }
 
 _MODELS: dict[str, type[Part]] = {

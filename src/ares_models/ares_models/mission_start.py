@@ -220,6 +220,11 @@ FORMS: dict[str, type[InitialStatePart]] = {
     "<earth-fixed>": StateEarthFixed,
 }
 
+#: What an error message names where there is no initial state.
+EXPECTED_START = (
+    "time_s and one of six forms, such as geodetic_latitude_deg, longitude_deg and altitude_m on "
+    "the pad, or position_m and velocity_m_s"
+)
 InitialState = Annotated[
     Annotated[StateVectors, Tag("<vectors>")]
     | Annotated[StateAngles, Tag("<angles>")]
@@ -230,9 +235,7 @@ InitialState = Annotated[
     Discriminator(
         by_keys(FORMS, None),
         custom_error_type="expected",
-        custom_error_message="position_m and velocity_m_s, latitude_deg and so on, "
-        "semi_major_axis_m and so on, geodetic_latitude_deg and so on, "
-        "or earth_fixed_position_m and earth_fixed_velocity_m_s",
+        custom_error_message=EXPECTED_START,
     ),
 ]
 

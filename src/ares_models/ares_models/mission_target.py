@@ -543,13 +543,17 @@ class TargetOrbit(_TargetPlane):
         return ", ".join([*given(orbit), *([] if node is None else [node]), *given(place)])
 
 
+#: What an error message names where there is no target.
+EXPECTED_TARGET = (
+    "an orbit by its elements, such as perigee_altitude_m, apogee_altitude_m and inclination_deg, "
+    "or a point of it by radius_m, speed_m_s, flight_path_angle_deg and inclination_deg"
+)
 Target = Annotated[
     Annotated[TargetState, Tag("<state>")] | Annotated[TargetOrbit, Tag("<orbit>")],
     Discriminator(
         by_keys({"<state>": TargetState, "<orbit>": TargetOrbit}, None),
         custom_error_type="expected",
-        custom_error_message="radius_m, speed_m_s, flight_path_angle_deg and inclination_deg, "
-        "or semi_major_axis_m and so on",
+        custom_error_message=EXPECTED_TARGET,
     ),
 ]
 

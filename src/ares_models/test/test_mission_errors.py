@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ares_models.mission import MISSION, MissionError, load_mission, parse_mission
+from ares_models.mission import MISSION, TEMPLATE, MissionError, load_mission, parse_mission
 from ares_models.mission_programme import flown_whole
 
 TEXT = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
@@ -358,8 +358,8 @@ BROKEN = {
         " ",
         "initial_state",
         (
-            "expected position_m and velocity_m_s, latitude_deg and so on, semi_major_axis_m and "
-            "so on, geodetic_latitude_deg and so on, or earth_fixed_position_m"
+            "expected time_s and one of six forms, such as geodetic_latitude_deg, longitude_deg "
+            "and altitude_m on the pad, or position_m and velocity_m_s"
         ),
     ),
     "position in km": (
@@ -621,7 +621,7 @@ BROKEN = {
         "target:                           # Table 2.1",
         "target: {}\nother:",
         "target",
-        "expected radius_m, speed_m_s, flight_path_angle_deg and inclination_deg",
+        "expected an orbit by its elements, such as perigee_altitude_m, apogee_altitude_m and",
     ),
     "duplicate key": (
         "isp_s: 448.0",
@@ -1056,7 +1056,7 @@ def test_a_coast_before_the_first_burn_names_no_orbit(tmp_path):
             "is missing; expected a number in N",
         ),
         ("right_ascension_deg", "longitude_deg", "did you mean right_ascension_deg, which counts"),
-        ("{model: us76}", "us76", "is 'us76'; expected a mapping with keys such as model"),
+        ("{model: us76}", "us76", "is 'us76'; expected a mapping with model, such as us76"),
     ],
 )
 def test_of_one_slip_nothing_else_is_wrong(tmp_path, old, new, problem):
@@ -1128,3 +1128,32 @@ def test_part_that_does_not_go_with_another_is_told_without_its_content():
         parse_mission(text.replace(rise, rise + out), "out.yaml")
     told = "stages[0].engine_out is a mapping; expected no such key beside vertical_rise_s"
     assert told in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("block", "expected"),
+    [
+        ("environment", "a mapping with mu_m3_s2, earth and atmosphere"),
+        ("initial_state", "time_s and one of six forms, such as geodetic_latitude_deg, longitude"),
+        ("stages", "a list, each with name, dry_mass_kg, propellant_kg, thrust_n, isp_s and "),
+        ("target", "an orbit by its elements, such as perigee_altitude_m, apogee_altitude_m and "),
+    ],
+)
+@pytest.mark.parametrize("found", ["missing", "3", "empty"])
+def test_a_whole_block_that_is_not_there_names_its_keys(block, expected, found):
+    whole = re.compile(rf"^{block}:.*\n((  .*)?\n)*", re.MULTILINE)
+    text = TEMPLATE.read_text()
+    assert whole.search(text)
+    instead = {"missing": "", "3": f"{block}: 3\n", "empty": f"{block}:\n"}[found]
+    with pytest.raises(MissionError) as refused:
+        parse_mission(whole.sub(instead, text), "my.yaml")
+    said = str(refused.value)
+    assert f"{block} is {found}; expected {expected}" in said
+    assert "; also" not in said
+
+
+@pytest.mark.parametrize("block", ["earth", "atmosphere"])
+def test_a_part_of_the_environment_that_is_missing_names_its_keys(block):
+    text = re.sub(rf"  {block}:\n(    .*\n)+", "", TEMPLATE.read_text())
+    with pytest.raises(MissionError, match=rf"environment\.{block} is missing; expected a mapping"):
+        parse_mission(text, "my.yaml")
