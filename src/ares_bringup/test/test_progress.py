@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The progress bar."""
 
+import time
+
 import pytest
 
+from ares_bringup import progress
 from ares_bringup.progress import bar, search, search_line
 from ares_optimizer.deadline import Progress
 
@@ -12,10 +15,10 @@ from ares_optimizer.deadline import Progress
 )
 def test_a_bar_is_for_terminals(monkeypatch, capsys, terminal, quiet, shown):
     monkeypatch.setenv("TTY_COMPATIBLE", terminal)
-    with bar(quiet=quiet) as progress:
-        task = progress.add_task("flying", total=3)
+    with bar(quiet=quiet) as shown_bar:
+        task = shown_bar.add_task("flying", total=3)
         for _ in range(3):
-            progress.advance(task)
+            shown_bar.advance(task)
     said = capsys.readouterr()
     assert ("3/3" in said.err) is shown
     assert said.out == ""
@@ -31,6 +34,24 @@ def test_a_search_is_shown_on_terminals(monkeypatch, capsys, terminal, quiet, sh
     said = capsys.readouterr()
     assert ("collocation: iteration 17, violation 2.5e-04, 174,183.1 kg" in said.err) is shown
     assert said.out == ""
+
+
+def test_a_long_search_is_told_of_in_lines_where_there_is_no_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("TTY_COMPATIBLE", "0")
+    monkeypatch.setattr(progress, "FIRST_LINE_S", 0.05)
+    monkeypatch.setattr(progress, "NEXT_LINE_S", 0.05)
+    for quiet in (False, True):
+        with search(quiet=quiet) as tell:
+            time.sleep(0.2)
+            tell(Progress("indirect", 3, 1e-9))
+            time.sleep(0.2)
+        said = capsys.readouterr()
+        lines = said.err.splitlines()
+        assert said.out == ""
+        assert bool(lines) is not quiet
+        if lines:
+            assert lines[0] == "ares: searching, 0 s"
+            assert lines[-1] == "ares: indirect: iteration 3, violation 1.0e-09, 0 s"
 
 
 def test_a_mass_that_is_not_known_is_not_shown():
