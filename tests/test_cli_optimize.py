@@ -13,10 +13,13 @@ import pytest
 
 from ares_bringup.commands import launch_window
 from ares_bringup.commands.cli import main
-from ares_bringup.commands.optimize import proof_facts
-from ares_models.mission import MISSION, load_mission
+from ares_bringup.commands.optimize import constraint_table, proof_facts
+from ares_bringup.commands.optimum_page import constraint_table as page_table
+from ares_bringup.report import console
+from ares_models.mission import MISSION, TEMPLATE, load_mission
 from ares_optimizer.solution import Check, ConstraintCheck
 from ares_optimizer.solve import solve
+from ares_studies.pages.parts import BLANK, MINUS
 
 #: The second of its three stages burns in held attitude.
 HELD = Path(__file__).parents[1] / "src/ares_optimizer/test/missions/solid_middle.yaml"
@@ -139,6 +142,35 @@ def test_heating_far_above_the_limit_is_called_so():
     free = replace(solution, verification=hot, constraints=(*solution.constraints, free))
     more = f"{line}; a higher min_perigee_altitude_m of a free coast keeps it down"
     assert proof_facts(free)["greatest heating"] == more
+
+
+def test_a_free_length_is_no_constraint_unless_a_bound_acts(capsys):
+    mission = load_mission("falcon9_gto")
+    length = ConstraintCheck(
+        Check.ARC_LENGTH, "length of arc 1", 1_092.398, 0.001, False, "s", True, 0.0
+    )
+    held = replace(length, value=0.0, limit=0.0, active=True, multiplier=-0.5)
+    beyond = replace(length, satisfied=False)
+    solution = replace(
+        solve(load_mission("ares_v"), "indirect"), constraints=(length, held, beyond)
+    )
+    console().print(constraint_table(mission, solution))
+    free, acting, violated = (line.split() for line in capsys.readouterr().out.splitlines()[1:])
+    assert free[-4:] == ["1,092.398", "-", "free", "-"]
+    assert acting[-4:] == ["0", "0", "active", "-0.5"]
+    assert violated[-4:-1] == ["1,092.398", "0.001", "VIOLATED"]
+    rows = [[cell.text for cell in row.cells] for row in page_table(mission, solution).rows]
+    assert rows[0] == [BLANK, "free", "1,092.39800", BLANK]
+    assert rows[1][:2] == [f"{MINUS}0.5000", "active"]
+
+
+def test_of_an_infeasible_mission_the_reason_is_said_once(capsys, tmp_path):
+    file = tmp_path / "heavy.yaml"
+    file.write_text(TEMPLATE.read_text().replace("payload_kg: 200.0", "payload_kg: 700.0"))
+    assert main(["optimize", "--mission", str(file)]) == 4
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("infeasible: propellant of the last stage: 344 kg short")
+    assert lines[2:] == ["  --maximize payload finds what arrives, if anything does"]
 
 
 def test_the_greatest_dynamic_pressure_is_told(capsys):

@@ -216,7 +216,9 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     verdict = word if solution.reason == word else f"{word}: {solution.reason}"
     out.print(Text(mission.with_names(verdict)), soft_wrap=True)
     for line in solution.steps:
-        out.print(Text(f"  {mission.with_names(line)}"), soft_wrap=True)
+        # of an infeasible mission the reason is all there is to say
+        if solution.status is not Status.INFEASIBLE or solution.trajectory is not None:
+            out.print(Text(f"  {mission.with_names(line)}"), soft_wrap=True)
     if solution.status is Status.INFEASIBLE and mission.payload_kg:
         out.print("  --maximize payload finds what arrives, if anything does")
     if solution.trajectory is None:
@@ -307,12 +309,25 @@ def arc_figures(arc: SteeringArc) -> tuple[tuple[float, int], ...]:
 
 
 def name_and_state(mission: Mission, check: ConstraintCheck) -> tuple[str, str]:
-    """Return the name of a constraint with its unit, and whether it is active, slack, VIOLATED."""
-    state = "active" if check.active else "slack"
+    """Return the name of a constraint with its unit, and its state.
+
+    That is active, slack, free (a length that no bound holds) or VIOLATED.
+    """
+    state = "active" if check.active else "free" if is_free(check) else "slack"
     name = mission.with_names(check.name)
     if check.unit:
         name = f"{name}, {check.unit}"
     return name, state if check.satisfied else "VIOLATED"
+
+
+def is_free(check: ConstraintCheck) -> bool:
+    """Tell whether it is the length of a free arc that is at none of its bounds."""
+    return check.key is Check.ARC_LENGTH and check.satisfied and not check.active
+
+
+def price_of(check: ConstraintCheck) -> float:
+    """Return kg of final mass per unit of a limit; nan: not known, or the limit does not act."""
+    return check.multiplier if check.active or not check.satisfied else math.nan
 
 
 def constraint_table(mission: Mission, solution: Solution) -> Table:
@@ -320,13 +335,13 @@ def constraint_table(mission: Mission, solution: Solution) -> Table:
     table = plain_table("constraint", "value", "limit", "", "kg per unit")
     for check in solution.constraints:
         name, state = name_and_state(mission, check)
-        price = f"{check.multiplier:+.4g}" if math.isfinite(check.multiplier) else BLANK
+        price = price_of(check)
         table.add_row(
             name,
             f"{check.value:,.7g}",
-            f"{check.limit:,.7g}",
+            BLANK if is_free(check) else f"{check.limit:,.7g}",
             state,
-            price,
+            f"{price:+.4g}" if math.isfinite(price) else BLANK,
         )
     return table
 

@@ -12,7 +12,9 @@ from ares_bringup.commands.optimize import (
     NOT_FOUND,
     VERDICTS,
     arc_figures,
+    is_free,
     name_and_state,
+    price_of,
     proof_facts,
 )
 from ares_bringup.commands.report import (
@@ -154,16 +156,16 @@ def constraint_table(mission: Mission, solution: Solution) -> PageTable:
     for check in solution.constraints:
         name, state = name_and_state(mission, check)
         cells = (
-            _price(check.multiplier),
+            _price(price_of(check)),
             word(state),
             _figures(check.value),
-            _figures(check.limit),
+            word(BLANK) if is_free(check) else _figures(check.limit),
         )
         rows.append(Row(name, cells))
     columns = (Column("price, kg per unit"), Column("state"), Column("value"), Column("limit"))
     finding = (
-        "Values by an independent integrator. A price is the final mass that a unit more of the "
-        "limit brings."
+        "Values by an independent integrator. A price is the final mass that a unit more of a "
+        "limit brings that acts."
     )
     return PageTable(columns, tuple(rows), finding)
 
