@@ -459,9 +459,13 @@ LEG = np.dtype(
 PROGRAMME = np.dtype(
     [
         ("given_over", np.int64),  # 1: that of the mission file is over
-        # of the last state that it answered
-        ("given_time", np.float64),
-        ("given_sensed", np.float64, (3,)),  # m/s
+        # of the last state that it answered, and the answer
+        ("last_time", np.float64),
+        ("last_arc", np.int64),
+        ("last_mass", np.float64),  # kg
+        ("last_sensed", np.float64, (3,)),  # m/s
+        ("sent", STEERING),
+        ("wind", np.float64, (3,)),  # m/s, estimated: beyond the mission's, across the thrust axis
         ("hottest", np.float64),  # W/m2, largest heating under it
         ("count", np.int64),  # number of planned knots; 0: none
         ("active", np.int64),  # 1: it gave the last answer
@@ -472,6 +476,8 @@ PROGRAMME = np.dtype(
         ("time", np.float64, (MAX_PROGRAMME,)),  # s, mission elapsed time, as planned
         ("speed", np.float64, (MAX_PROGRAMME,)),  # m/s over the ground, not falling within a burn
         ("direction", np.float64, (MAX_PROGRAMME, 3)),  # unit vectors
+        ("air_direction", np.float64, (MAX_PROGRAMME, 3)),  # of the velocity in the air
+        ("relief", np.float64, (MAX_PROGRAMME,)),  # turn of the thrust per turn of that direction
         ("replanned", np.int64),  # 1: the last cycle found the optimum through the air
         ("replans", np.int64),  # cycles that found it
         ("lost", np.int64),  # cycles in a row that did not

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import PROGRAMME
+from ares_guidance.load_relief import air_directions, relief_gains
 from ares_guidance.trajectory import SAME_TIME, TIME_ROUNDING, OfflineTrajectory
 from ares_models.arrays import BURN, COAST, MAX_PROGRAMME, NAVIGATION, MissionArrays
 from ares_models.kernels.aerodynamics import body_force, pressure_loss
@@ -31,6 +32,10 @@ HANDED_OVER_SHARE = 0.01
 #: by which an error of the time counts, rad/s.
 _STRAIGHT = 1e-5
 _TURN_RATE = 1e-3
+#: Turn of the velocity in the air by which an error of the relief counts, rad.
+_RELIEF = 1e-3
+#: Columns of a programme, one entry per knot.
+KNOTS = ("arc", "time", "speed", "direction", "air_direction", "relief")
 
 
 class Programme(NamedTuple):
@@ -41,6 +46,8 @@ class Programme(NamedTuple):
         time: mission elapsed time as planned, s.
         speed: in the air, m/s.
         direction: of the thrust, unit vectors, shape (n, 3).
+        air_direction: of the planned velocity in the air, unit vectors, shape (n, 3).
+        relief: turn of the thrust per turn of that direction.
         state: planned navigation state at the hand-over, shape (1,), dtype NAVIGATION.
     """
 
@@ -48,6 +55,8 @@ class Programme(NamedTuple):
     time: Array
     speed: Array
     direction: Array
+    air_direction: Array
+    relief: Array
     state: NDArray[np.void]
 
     def record(self) -> NDArray[np.void]:
@@ -55,7 +64,7 @@ class Programme(NamedTuple):
         record = np.zeros(1, PROGRAMME)
         count = len(self.time)
         record["count"] = count
-        for name in ("arc", "time", "speed", "direction"):
+        for name in KNOTS:
             record[name][0, :count] = getattr(self, name)
         return record
 
@@ -78,17 +87,16 @@ class Programme(NamedTuple):
             ]
             worst = sorted((k for k in worst if off[k] > _STRAIGHT), key=lambda k: -off[k])
             if not worst or len(knots) == most:
-                return self._replace(
-                    arc=self.arc[keep],
-                    time=self.time[keep],
-                    speed=self.speed[keep],
-                    direction=self.direction[keep],
-                )
+                return self._replace(**{name: getattr(self, name)[keep] for name in KNOTS})
             keep[worst[: most - len(knots)]] = True
 
     def _off(self, knots: NDArray[np.int64]) -> Array:
         """Return the error of the direction, rad, between some knots, shape (n,)."""
         off = np.zeros(len(self.time))
+        columns = [self.direction]
+        if self.relief.any():
+            columns += [self.air_direction, _RELIEF * self.relief[:, None]]
+        followed = np.column_stack(columns)
         for arc in np.unique(self.arc):
             own = np.flatnonzero(self.arc == arc)
             there = knots[self.arc[knots] == arc]
@@ -96,9 +104,9 @@ class Programme(NamedTuple):
             at = self.time[own]
             if (np.diff(speed) > 0.0).all():
                 at = np.interp(self.speed[own], speed, time)
-            for c in range(3):
-                straight = np.interp(at, time, self.direction[there, c])
-                off[own] += (straight - self.direction[own, c]) ** 2
+            for column in followed.T:
+                straight = np.interp(at, time, column[there])
+                off[own] += (straight - column[own]) ** 2
             off[own] = np.maximum(np.sqrt(off[own]), _TURN_RATE * np.abs(at - self.time[own]))
         return off
 
@@ -134,13 +142,28 @@ def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple
             for r, v in zip(trajectory.sample_position, trajectory.sample_velocity, strict=True)
         ]
     )
-    return tuple(_programme(trajectory, arrays, speed, end) for end in ends)
+    air_direction, air_speed = air_directions(trajectory, arrays)
+    relief = relief_gains(trajectory, arrays, air_speed)
+    samples = (speed, air_direction, relief)
+    return tuple(_programme(trajectory, arrays, samples, end) for end in ends)
 
 
 def _programme(
-    trajectory: OfflineTrajectory, arrays: MissionArrays, speed: Array, end: float
+    trajectory: OfflineTrajectory,
+    arrays: MissionArrays,
+    samples: tuple[Array, Array, Array],
+    end: float,
 ) -> Programme:
-    """Return the attitude programme up to a time, s; speed over the ground by sample, m/s."""
+    """Return the attitude programme up to a time.
+
+    Args:
+        trajectory: of the mission.
+        arrays: the mission.
+        samples: speed over the ground, m/s, direction of the velocity in the air and relief, by
+            sample.
+        end: s.
+    """
+    speed, air_direction, relief = samples
     parts = []
     for k, start, stop in trajectory.flown():
         rows = trajectory.rows_between(start, min(stop, end))
@@ -152,19 +175,20 @@ def _programme(
                 trajectory.sample_time[rows],
                 np.maximum.accumulate(speed[rows]),
                 trajectory.sample_direction[rows].copy(),
+                air_direction[rows],
+                relief[rows],
             )
         )
     # without thrust, turn to the direction of the next; after the last, keep it
     ahead = trajectory.direction_at(end)
-    for arc, _, _, direction in reversed(parts):
+    for arc, _, _, direction, _, _ in reversed(parts):
         coasts = arrays.arcs["kind"][arc[0]] != BURN
         for k in reversed(range(len(direction))):
             if coasts or not np.isfinite(direction[k]).all():
                 direction[k] = ahead
             ahead = direction[k]
-    arc, time, rising, direction = (np.concatenate(c) for c in zip(*parts, strict=True))
-    state = _navigation(trajectory, end, arrays)
-    return Programme(arc, time, rising, direction, state).thinned(MAX_PROGRAMME)
+    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Programme(*columns, _navigation(trajectory, end, arrays)).thinned(MAX_PROGRAMME)
 
 
 def _navigation(trajectory: OfflineTrajectory, t: float, arrays: MissionArrays) -> NDArray[np.void]:

@@ -18,6 +18,8 @@ def a_climb_and_a_coast() -> Programme:
         time,
         np.maximum.accumulate(np.concatenate((25.0 * climb + 2e-2 * climb**2, 0.0 * coast))),
         np.column_stack((np.sin(pitch), np.cos(pitch), 0.0 * pitch)),
+        np.tile([0.0, 0.0, 1.0], (len(time), 1)),
+        np.zeros(len(time)),
         np.zeros(1, NAVIGATION),
     )
 
@@ -42,3 +44,15 @@ def test_a_programme_that_is_straight_needs_the_ends_of_its_arcs_alone() -> None
     )
     thin = straight.thinned(64)
     assert list(thin.time) == [0.0, 400.0, 400.0, 11_200.0]
+
+
+def test_knots_follow_the_load_relief_where_there_is_one() -> None:
+    whole = a_climb_and_a_coast()._replace(relief=np.zeros(4802))
+    whole.relief[:801] = np.sin(np.linspace(0.0, 20.0, 801))
+    thin = whole.thinned(128)
+    first = thin.arc == 0
+    at = np.interp(whole.speed[:801], thin.speed[first], thin.time[first])
+    assert (
+        np.abs(np.interp(at, thin.time[first], thin.relief[first]) - whole.relief[:801]).max()
+        < 0.05
+    )

@@ -18,6 +18,7 @@ from ares_guidance.kernels.monitors.failures import detect_failures, vehicle_lef
 from ares_guidance.kernels.monitors.impact import hand_back, keep_out
 from ares_guidance.kernels.monitors.navigation_gate import ACCEPTED, REFUSED, admit
 from ares_guidance.kernels.plans.legs import step_by_legs as guidance_step
+from ares_guidance.kernels.plans.load_relief import remember
 from ares_guidance.kernels.plans.programme import flies_programme
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
@@ -56,6 +57,7 @@ def boost_step(mission: MissionRecords, onboard: Onboard) -> bool:
     else:
         flies = flies_programme(vehicle_left(mission, state), onboard)
     if flies:
+        remember(onboard)
         # a solution in the air is continued with the vehicle that is left
         solved = state.optimal.solved
         detect_failures(mission, onboard)

@@ -4,12 +4,14 @@
 The programme of the mission file, if it has one, is flown as it stands there. The other is the
 optimizer's thrust direction over the speed over the ground, not over time, so that
 a thrust that differs from the planned one moves the turn with it, as on the Space Shuttle and SLS.
+Where a stage has a limit of q alpha, winds turn it from there (`load_relief.py`).
 The law of the flight takes over at the last knot, or where an arc after it begins.
 """
 
 import math
 
 from ares_guidance.arrays import Onboard
+from ares_guidance.kernels.plans.load_relief import relieved
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.boost import PAST_PEAK, boost_direction, is_over
@@ -174,16 +176,13 @@ def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, V
     t, r, v = nav.time, load(nav.position), load(nav.velocity)
     now = boost_direction(t, r, v, environment)
     acceleration = gravity(r, environment)
-    sensed = load(nav.sensed_delta_v)
-    since = t - programme.given_time
+    since = t - programme.last_time
     if programme.cycle == 0 or since <= 0.0:
         since = 0.0
     else:
         # along the present direction: that of the last state is behind
-        gained = dot(sub(sensed, load(programme.given_sensed)), now)
+        gained = dot(sub(load(nav.sensed_delta_v), load(programme.last_sensed)), now)
         acceleration = axpy(gained / since, now, acceleration)
-    programme.given_time = t
-    store(programme.given_sensed, sensed)
     then = direction_after(RATE_STEP, t, (r, v), acceleration, environment)
     rate = scale(1.0 / RATE_STEP, sub(then, now))
     ahead = direction_after(since, t, (r, v), acceleration, environment)
@@ -197,21 +196,31 @@ def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, V
 
 
 @kernel
-def planned_attitude(
-    programme: Record, first: int, last: int, nav: Record, speed: float, burns: bool
-) -> tuple[Vector, Vector]:
-    """Return direction and rate, 1/s, of the thrust as planned off line.
+def planned_attitude(mission: MissionRecords, onboard: Onboard, at: float) -> tuple[Vector, Vector]:
+    """Return direction and rate, 1/s, of the thrust as planned off line, with its load relief.
 
-    Args: as in :func:`planned_time`.
+    Args:
+        mission, onboard: as in :func:`flies_programme`.
+        at: planned time, s.
     """
-    at = planned_time(programme, first, last, nav, speed, burns)
+    programme = onboard.state.programme
+    first, last = knots_of(programme, onboard.navigation.arc)
     k = first
     while k + 1 < last and programme.time[k + 1] <= at:
         k += 1
-    begin, end = load(programme.direction[k]), load(programme.direction[min(k + 1, last)])
-    span = programme.time[min(k + 1, last)] - programme.time[k]
-    rate = scale(1.0 / span, sub(end, begin)) if span > 0.0 else (0.0, 0.0, 0.0)
-    return unit(add(begin, scale(at - programme.time[k], rate))), rate
+    n = min(k + 1, last)
+    begin, end = load(programme.direction[k]), load(programme.direction[n])
+    span = programme.time[n] - programme.time[k]
+    part, rate = 0.0, (0.0, 0.0, 0.0)
+    if span > 0.0:
+        part, rate = (at - programme.time[k]) / span, scale(1.0 / span, sub(end, begin))
+    direction = unit(add(begin, scale(at - programme.time[k], rate)))
+    relief = programme.relief[k] + part * (programme.relief[n] - programme.relief[k])
+    if relief == 0.0:
+        return direction, rate
+    before, after = load(programme.air_direction[k]), load(programme.air_direction[n])
+    planned = unit(axpy(part, sub(after, before), before))
+    return relieved(mission, onboard, direction, relief, planned), rate
 
 
 @kernel
@@ -239,7 +248,8 @@ def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
         if programme.count == 0 or hands_over(programme, first, last, nav, speed, burns):
             programme.over = 1
             return False
-        direction, rate = planned_attitude(programme, first, last, nav, speed, burns)
+        at = planned_time(programme, first, last, nav, speed, burns)
+        direction, rate = planned_attitude(mission, onboard, at)
     programme.active = 1
     steering = onboard.steering
     steering.reference_time = nav.time
