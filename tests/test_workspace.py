@@ -688,6 +688,15 @@ def test_help_lists_the_verbs_of_the_workspace_too(fresh_clone):
             ("fly", "--json", "--misson=ares_v"),
             "No such option: --misson; did you mean --mission? (see `ares fly --help`)",
         ),
+        (("report",), "Missing argument 'BAG...' (see `ares report --help`)"),
+        (("report", "--out", "x.html"), "Missing argument 'BAG...' (see `ares report --help`)"),
+        (("bag", "info"), "Missing argument 'BAG' (see `ares bag info --help`)"),
+        (("missions", "new"), "Missing argument 'NAME' (see `ares missions new --help`)"),
+        (
+            ("dispersions", "new", "my"),
+            "Missing option '--mission' (see `ares dispersions new --help`)",
+        ),
+        (("exec",), "exec needs a command, for example: ./ares exec ruff check"),
         (("prepare", "--all"), "prepare takes no arguments; here is '--all'"),
     ],
 )
@@ -696,7 +705,11 @@ def test_a_fresh_clone_refuses_what_is_no_verb(fresh_clone, words, refusal):
 
 
 def test_what_comes_behind_the_words_of_another_program_is_not_read():
-    for words in (("exec", "pytest", "--help"), ("test", "--collect-only"), ("env",)):
+    for words in (
+        *(("exec", "pytest", "--help"), ("test", "--collect-only"), ("env",)),
+        *(("report", "a", "b"), ("report", "--out=x", "--", "--a"), ("missions", "new", "-")),
+        ("dispersions", "new", "--mission=ares_v"),
+    ):
         assert workspace.answer_at_once(words) is None
     for words in (("node", "sim", "--ros-args", "-p", "pace:=1"), ("fly", "--mission", "--help")):
         assert workspace.answer_at_once(words) is None

@@ -144,7 +144,8 @@ def describe(command: Any, name: str, above: Any = None) -> dict[str, Any]:
         above: context of the parent command.
 
     Returns:
-        `help`: its text. `options`: number of values of each. `commands`: subcommands by name;
+        `help`: its text. `options`: number of values of each. `needed`: the arguments and options
+        without which it is refused, as a refusal names them. `commands`: subcommands by name;
         `default`: the one for words that name none. `passes_on`: true if the words after its first
         are for another program.
     """
@@ -161,6 +162,16 @@ def describe(command: Any, name: str, above: Any = None) -> dict[str, Any]:
             for word in (*parameter.opts, *parameter.secondary_opts)
         },
     }
+    needed = {
+        kind: [
+            parameter.get_error_hint().strip("'")
+            for parameter in command.params
+            if parameter.required and parameter.param_type_name == kind
+        ]
+        for kind in ("argument", "option")
+    }
+    if any(needed.values()):
+        found["needed"] = needed
     if command.context_settings.get("ignore_unknown_options"):
         found["passes_on"] = True
     below = getattr(command, "commands", None)

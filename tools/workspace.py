@@ -132,6 +132,8 @@ def answer_at_once(arguments: Sequence[str]) -> int | None:
             return show(f"Usage: ares {verb} {follows}".rstrip() + f"\n\n  {does}\n")
         if rest and not follows:
             raise WorkspaceError(f"{verb} takes no arguments; here is {rest[0]!r}")
+        if verb == "exec" and not rest:
+            raise WorkspaceError("exec needs a command, for example: ./ares exec ruff check")
         return None
     said = usage.answer(arguments, tuple(VERBS))
     if said is None:
@@ -190,8 +192,6 @@ def main(arguments: list[str]) -> int:
     environment = workspace.environment(environ)
     command = [str(workspace.interpreter), "-m", "ares_bringup", *arguments]
     if verb == "exec":
-        if not rest:
-            raise WorkspaceError("exec needs a command, for example: ./ares exec ruff check")
         found = shutil.which(rest[0], path=environment["PATH"])
         if not found:
             raise WorkspaceError(f"exec: no command {rest[0]!r} in the prepared environment")

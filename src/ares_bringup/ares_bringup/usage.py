@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answer `--help` and unknown words before anything is imported or prepared.
+"""Answer `--help`, unknown and missing words before anything is imported or prepared.
 
 Standard library only: `./ares` uses it in a clone without any installed package. The words of all
 verbs are in `usage.json`, which `make usage` writes from the command line itself; a test compares
@@ -32,7 +32,7 @@ def read_usage() -> dict[str, Any]:
 
 
 def answer(words: Sequence[str], also: Sequence[str] = ()) -> Answer | None:
-    """Answer a call that asks for help, or that has an unknown verb or option.
+    """Answer a call that asks for help, has an unknown verb or option, or lacks an argument.
 
     Args:
         words: the call without the program's name.
@@ -76,15 +76,18 @@ def _refuse(reason: str, path: str) -> Answer:
 
 
 def _read_options(command: dict[str, Any], path: str, words: list[str]) -> Answer | None:
-    """Look for a request of help and for unknown options."""
+    """Look for a request of help, for unknown options and for what is missing."""
     values: dict[str, int] = command["options"]
     known = [*values, *HELP_WORDS]
     passes_on = command.get("passes_on", False)
     left = words[:1] if passes_on else list(words)
+    needed: dict[str, list[str]] = command.get("needed", {"argument": [], "option": []})
+    lacking = {kind: list(names) for kind, names in needed.items()}
     while left:
         word = left.pop(0)
         if word == "--":
-            return None
+            del lacking["argument"][: len(left)]
+            break
         if word in HELP_WORDS:
             return Answer(0, command["help"])
         name = word.partition("=")[0]
@@ -92,4 +95,11 @@ def _read_options(command: dict[str, Any], path: str, words: list[str]) -> Answe
             del left[: values[word]]
         elif word.startswith("--") and name not in values and not passes_on:
             return _refuse(f"No such option: {name}{did_you_mean(name, known)}", path)
+        if name in lacking["option"]:
+            lacking["option"].remove(name)
+        elif word == "-" or not word.startswith("-"):
+            del lacking["argument"][:1]
+    for kind, names in lacking.items():
+        if names:
+            return _refuse(f"Missing {kind} {names[0]!r}", path)
     return None
