@@ -2,6 +2,7 @@
 """Define the arcs of a stage as validated data: burns, solid motors, coasts."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Literal, NamedTuple
 
@@ -99,16 +100,16 @@ class Table(NamedTuple):
 def _common_knots(*curves: tuple[tuple[float, float], ...]) -> list[tuple[float, ...]]:
     """Resample curves on their common knots, as (time, value of each); a jump is two knots."""
     times = sorted({t for curve in curves for t, _ in curve})
-    sides = [[_sides(curve, t) for curve in curves] for t in times]
+    values = [[sides(curve, t) for curve in curves] for t in times]
     knots = []
-    for t, values in zip(times, sides, strict=True):
-        knots.append((t, *(before for before, _ in values)))
-        if any(before != after for before, after in values):
-            knots.append((t, *(after for _, after in values)))
+    for t, both in zip(times, values, strict=True):
+        knots.append((t, *(before for before, _ in both)))
+        if any(before != after for before, after in both):
+            knots.append((t, *(after for _, after in both)))
     return knots
 
 
-def _sides(curve: tuple[tuple[float, float], ...], t: float) -> tuple[float, float]:
+def sides(curve: Sequence[tuple[float, float]], t: float) -> tuple[float, float]:
     """Return the values of a curve just before and just after a time."""
     at = [value for time, value in curve if time == t]
     if at:

@@ -102,7 +102,7 @@ def check_lift_off(mission: "Mission") -> None:
     Raises:
         PydanticCustomError: it does not.
     """
-    if not mission.initial_state.AT_REST:
+    if not mission.initial_state.AT_REST or mission.initial_state.held_s > 0.0:
         return
     arc = mission.stages[0].flight_arcs[0]
     path: KeyPath = ("stages", 0, *mission.stages[0].arc_path(0))
@@ -129,7 +129,7 @@ def check_lift_off(mission: "Mission") -> None:
         # at a jump the later value holds
         knot = sum(t == 0.0 for t, _ in table or ()) - 1
         if table and table[knot][1] < max(force for _, force in table):
-            expected += "; begin the table when the thrust lifts the vehicle: nothing holds it down"
+            expected += "; hold_down_s of the initial_state holds the vehicle until then"
             fail((*where, "thrust_table", knot, 1), table[knot][1], expected)
     key = "thrust_n" if arc.thrust_table is None else "thrust_table"
     fail((*path, key), arc.full_thrust_n, expected)

@@ -17,6 +17,7 @@ from ares_models.mission_keys import (
     AnyEccentricity,
     AnySemiMajorAxis,
     Coordinate,
+    Delay,
     FlightPathAngle,
     Inclination,
     Latitude,
@@ -28,6 +29,7 @@ from ares_models.mission_keys import (
     VelocityComponent,
     by_keys,
     fail,
+    not_there,
 )
 from ares_models.orbits import Elements
 from ares_models.ranges import Range
@@ -64,6 +66,11 @@ class InitialStatePart(Part):
     AT_REST: ClassVar[bool] = False
 
     time_s: MissionTime = Field(description="mission elapsed time")
+
+    @property
+    def held_s(self) -> float:
+        """Return the time from ignition to the release on the pad, s."""
+        return 0.0
 
 
 class StateVectors(InitialStatePart):
@@ -156,6 +163,16 @@ class StateOnPad(InitialStatePart):
     geodetic_latitude_deg: Latitude = Field(description="of the normal of the ellipsoid")
     longitude_deg: Turn = Field(description="from longitude zero, positive to the east")
     altitude_m: StartAltitude = Field(description="above the ellipsoid")
+    hold_down_s: Delay | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="from ignition until the pad releases the vehicle, which is at time_s",
+    )
+
+    @property
+    def held_s(self) -> float:
+        """Return the time from ignition to the release on the pad, s."""
+        return self.hold_down_s or 0.0
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s), each shape (3,): that of the turning ground."""

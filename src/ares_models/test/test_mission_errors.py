@@ -1099,7 +1099,9 @@ _MERLIN = FALCON[FALCON.index("    thrust_n: 8227000.0") : FALCON.index("    ver
 def test_a_pad_that_is_not_left_names_the_thrust_at_lift_off(tmp_path, old, new, text, key):
     said = message(edited(tmp_path, old, new, text))
     assert f"stages[0].{key}; expected more thrust than weight at lift-off, " in said
-    assert ("begin the table when the thrust lifts the vehicle" in said) == ("table" in key)
+    assert ("hold_down_s of the initial_state holds the vehicle until then" in said) == (
+        "table" in key
+    )
 
 
 def test_a_vehicle_of_solids_alone_is_told_what_flies_it(tmp_path):

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turn a mission that is held down on its pad into the one that begins at the release.
+
+The engines burn while the pad holds the vehicle. The flight begins at the release, with what is
+left of propellant, burn times and thrust tables.
+"""
+
+import copy
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ares_models.mission_arcs import BurnArc, curve_area, sides
+from ares_models.mission_keys import fail
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+    from ares_models.mission_boosters import Booster
+
+Knots = list[tuple[float, float]]
+
+
+def released(data: dict[str, Any], mission: "Mission", hold_s: float) -> dict[str, Any]:
+    """Return the content of a mission file as it is at the release.
+
+    Args:
+        data: content of the file.
+        mission: the same, checked.
+        hold_s: time from ignition to the release.
+
+    Raises:
+        PydanticCustomError: the first arc cannot be held so long.
+    """
+    data = copy.deepcopy(data)
+    del data["initial_state"]["hold_down_s"]
+    stage, content = mission.stages[0], data["stages"][0]
+    burn = stage.flight_arcs[0]
+    if not isinstance(burn, BurnArc):
+        fail(("initial_state", "hold_down_s"), hold_s, "a first arc that is a burn")
+    _check(mission, burn, hold_s)
+    part = content if stage.arcs is None else content["arcs"][0]
+    used = _shorten_burn(part, burn, mission.environment.g0_m_s2, hold_s)
+    if content.get("propellant_kg") is not None:
+        content["propellant_kg"] = stage.propellant_kg - used
+    for booster, part in zip(stage.boosters, content.get("boosters") or (), strict=True):
+        used += _shorten_booster(part, booster, mission.environment.g0_m_s2, hold_s)
+    if stage.ignition_mass_kg is not None:
+        content["ignition_mass_kg"] = stage.ignition_mass_kg - used
+    for jettison in data.get("jettisons") or ():
+        if jettison["stage"] == stage.name and jettison.get("time_after_ignition_s") is not None:
+            left = jettison["time_after_ignition_s"] - hold_s
+            jettison["time_after_ignition_s"] = max(0.0, left)
+    return data
+
+
+def _check(mission: "Mission", burn: BurnArc, hold_s: float) -> None:
+    path = ("initial_state", "hold_down_s")
+    g0 = mission.environment.g0_m_s2
+    ends = {"the first burn": burn.max_s or burn.duration_s}
+    if burn.engine_out is not None:
+        ends["its engine_out"] = burn.engine_out.time_after_ignition_s
+    ends |= {f"booster {one.name}": one.end_s(g0) for one in mission.stages[0].boosters}
+    for what, end in ends.items():
+        if hold_s >= end:
+            fail(path, hold_s, f"less than the {end:g} s to the end of {what}")
+    if burn.start is not None and hold_s < burn.start[-1][0]:
+        fail(path, hold_s, f"at least the {burn.start[-1][0]:g} s that the start takes")
+
+
+def _shorten_burn(part: dict[str, Any], burn: BurnArc, g0: float, hold_s: float) -> float:
+    """Take the time that it is held off a burn; return the propellant that it took, kg."""
+    if burn.thrust_table is not None:
+        flow = burn.table(g0)
+        before, _ = _cut(list(zip(flow.time_s, flow.flow_kg_s, strict=True)), hold_s)
+        for key in ("thrust_table", "mass_flow_table"):
+            if part.get(key) is not None:
+                part[key] = _cut(getattr(burn, key), hold_s)[1]
+        return curve_area(before)
+    for key in ("burn_time_s", "min_s", "max_s"):
+        if isinstance(part.get(key), float | int):
+            part[key] = max(0.0, part[key] - hold_s)
+    if burn.engine_out is not None:
+        part["engine_out"]["time_after_ignition_s"] -= hold_s
+    part.pop("start", None)
+    return (hold_s - burn.start_loss_s) * burn.mass_flow(g0)
+
+
+def _shorten_booster(part: dict[str, Any], booster: "Booster", g0: float, hold_s: float) -> float:
+    """Take the time that they are held off boosters; return what they all burnt, kg."""
+    lit_s = max(0.0, hold_s - booster.ignition_s)
+    part["ignition_s"] = max(0.0, booster.ignition_s - hold_s)
+    if lit_s == 0.0:
+        return 0.0
+    share = lit_s / booster.burn_s(g0)
+    if booster.thrust_table is not None:
+        before, part["thrust_table"] = _cut(booster.thrust_table, lit_s)
+        share = curve_area(before) / curve_area(booster.thrust_table)
+    elif booster.burn_time_s is not None:
+        part["burn_time_s"] = booster.burn_time_s - lit_s
+    part["propellant_kg"] = (1.0 - share) * booster.propellant_kg
+    return booster.count * share * booster.propellant_kg
+
+
+def _cut(knots: Sequence[tuple[float, float]], at_s: float) -> tuple[Knots, Knots]:
+    """Return the knots of a curve before a time, and those after it with times from there on."""
+    earlier, later = sides(knots, at_s)
+    before = [(t, value) for t, value in knots if t < at_s]
+    after = [(t - at_s, value) for t, value in knots if t > at_s]
+    return [*before, (at_s, earlier)], [(0.0, later), *after]
