@@ -5,6 +5,7 @@ import dataclasses
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from ares_models.mission import load_mission, parse_mission
 from ares_models.orbits import Elements
 from ares_studies.event_words import Moment
 from ares_studies.flight_page import data
-from ares_studies.flight_page.charts import make_chapters
-from ares_studies.flight_page.data import Recording, make_flight
+from ares_studies.flight_page.charts import ARC_ROLES, make_chapters
+from ares_studies.flight_page.data import OPTIMUM, Recording, make_flight
 from ares_studies.flight_page.geometry import (
     ground_range,
     ground_track,
@@ -29,6 +30,7 @@ from ares_studies.flight_page.globe import make_globe
 from ares_studies.flight_page.land import coasts, read_land
 from ares_studies.flight_page.page import Account, make_report, render
 from ares_studies.pages.parts import Guide, line
+from ares_studies.pages.templates import PALETTES
 from ares_studies.plots import draw_flight
 
 MISSION = load_mission("ares_v")
@@ -300,6 +302,31 @@ def test_flights_over_each_other_have_a_colour_each():
         ("two, inertial", "thesis", "line"),
         ("two, against the air", "thesis", "dashes"),
     ]
+
+
+def test_an_optimum_lies_over_the_flight_that_follows_it():
+    flown = make_flight(recording())
+    flights = [replace(flown, law=OPTIMUM), flown]
+    chapters = make_chapters(flights, ["best", "flown"], ())
+    speed = next(item for item in chapters[0].items if item.title == "Speed").content
+    assert [one.shape for one in speed.series] == ["over", "dots", "line", "dashes"]
+    globe = make_globe(flights, ["best", "flown"], ["", ""])
+    assert [flight.over for flight in globe.flights] == [True, False]
+    # alone it is drawn like any other
+    assert not make_globe(flights[:1], ["best"], [""]).flights[0].over
+    (altitude, *_) = make_chapters(flights[:1], ["best"], ())[0].items
+    assert {one.shape for one in altitude.content.series} == {"line"}
+
+
+def test_arcs_have_a_colour_each_as_long_as_there_are_some():
+    flight = make_flight(recording())
+    phase = replace(flight.phases[0], burns=True)
+    many = replace(flight, phases=(phase,) * (len(ARC_ROLES) + 1))
+    ways = make_globe([many], ["one"], [""]).flights[0].ways
+    assert tuple(way.role for way in ways) == (*ARC_ROLES, ARC_ROLES[0])
+    assert len(set(ARC_ROLES)) == 8
+    for colours in PALETTES.values():
+        assert len({colours[role] for role in ARC_ROLES}) == len(ARC_ROLES)
 
 
 def test_the_globe_has_land_on_the_earth_only():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_studies.flight_page import lines
-from ares_studies.flight_page.data import DrawnFlight, span_of
+from ares_studies.flight_page.data import OPTIMUM, DrawnFlight, span_of
 from ares_studies.flight_page.land import coasts, land_on
 from ares_studies.flight_page.lines import LevelLine, Line
 from ares_studies.pages.parts import (
@@ -28,8 +28,12 @@ Array = NDArray[np.float64]
 
 #: Colours of overlaid flights, and of the lines of one flight.
 ROLES: tuple[Role, ...] = ("here", "thesis", "other", "otis", "third")
+#: Colours of the arcs of one flight, in turn.
+ARC_ROLES: tuple[Role, ...] = (*ROLES, "fourth", "fifth", "sixth")
 #: Style of the first, second and third line of each of several overlaid flights.
 _SHAPES: tuple[Shape, ...] = ("line", "dashes", "dots")
+#: The same of an optimum, which the flight beside it would hide.
+_SHAPES_OVER: tuple[Shape, ...] = ("over", "dots", "dots")
 #: Margin above and below a level line, in units of its last decimal.
 _LEVEL_ROOM = 5.0
 
@@ -369,18 +373,26 @@ def _time(first: float, last: float) -> Axis:
     return Axis("mission elapsed time", "s", span=(first - room, last + room))
 
 
+def lies_over(flight: DrawnFlight) -> bool:
+    """Return whether a flight is drawn over those beside it: the optimum that they follow."""
+    return flight.law == OPTIMUM
+
+
 def _series(
     chart: Chart, flights: Sequence[DrawnFlight], names: Sequence[str]
 ) -> tuple[Series, ...]:
     """Make the lines of a chart: one flight, a colour per line; several, a colour per flight."""
     found = []
-    for k, flight in enumerate(flights):
-        for i, one in enumerate(chart.lines(flight)):
+    lines = [chart.lines(flight) for flight in flights]
+    shared = sum(map(bool, lines)) > 1
+    shapes = [_SHAPES_OVER if shared and lies_over(flight) else _SHAPES for flight in flights]
+    for k in range(len(flights)):
+        for i, one in enumerate(lines[k]):
             together = len(flights) > 1
             name = one.name or chart.axis.title
             if together:
                 name = f"{names[k]}, {one.name}" if one.name else names[k]
-            shape: Shape = _SHAPES[i] if together else "line"
+            shape: Shape = shapes[k][i] if together else "line"
             drawn = line(
                 name,
                 ROLES[k] if together else ROLES[2 * i],

@@ -183,6 +183,10 @@ class NavigationDeviation:
     velocity_m_s: Array
 
 
+#: Law name of an optimum.
+OPTIMUM = "optimum"
+
+
 @dataclass(frozen=True)
 class DrawnFlight:
     """Hold a flight, ready to be drawn.

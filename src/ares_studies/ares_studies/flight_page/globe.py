@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.mission import Mission
-from ares_studies.flight_page.charts import ROLES
+from ares_studies.flight_page.charts import ARC_ROLES, ROLES, lies_over
 from ares_studies.flight_page.data import DrawnFlight, Phase
 from ares_studies.flight_page.geometry import ground_track
 from ares_studies.flight_page.land import land_on
@@ -43,6 +43,7 @@ class GlobeFlight:
         ways: its coloured intervals.
         impact_time_s, impact_latitude_deg, impact_longitude_deg: of its impact points.
         faint: one of many: a thin line, and a dot at its end.
+        over: dashed, above the other flights.
     """
 
     name: str
@@ -56,6 +57,7 @@ class GlobeFlight:
     impact_latitude_deg: tuple[float, ...]
     impact_longitude_deg: tuple[float, ...]
     faint: bool = False
+    over: bool = False
 
 
 @dataclass(frozen=True)
@@ -179,6 +181,7 @@ def _flight(flight: DrawnFlight, name: str, role: Role, together: bool) -> Globe
         longitude_deg=rounded(states.track.longitude_deg, 3),
         height=rounded(states.altitude_m / radius, 5),
         ways=_ways(flight.phases, role if together else None),
+        over=together and lies_over(flight),
         **_impact(flight),
     )
 
@@ -199,7 +202,7 @@ def _ways(phases: Sequence[Phase], role: Role | None) -> tuple[Way, ...]:
     for phase in phases:
         colour = None
         if phase.burns:
-            colour = role or ROLES[burns % len(ROLES)]
+            colour = role or ARC_ROLES[burns % len(ARC_ROLES)]
             burns += 1
         # extend the line to the begin of the next one
         last = phase.last if phase is phases[-1] else phase.last + 1

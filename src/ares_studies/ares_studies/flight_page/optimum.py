@@ -18,13 +18,12 @@ from ares_models.kernels.vectors import norm
 from ares_models.mission import Mission
 from ares_models.plans import flies_in_air
 from ares_optimizer.solution import FlownArc, Solution, Trajectory
-from ares_studies.flight_page.data import Columns, Optimality, Recording
+from ares_studies.flight_page.data import OPTIMUM, Columns, Optimality, Recording
 from ares_studies.flight_page.geometry import local_axes
 
 Array = NDArray[np.float64]
 
-#: Law name of an optimum.
-LAW = "optimum"
+LAW = OPTIMUM
 _NOTHING = {"time": np.empty(0)}
 #: Speed against the air, m/s, below which there is no angle of attack.
 AT_REST_M_S = 1.0

@@ -109,7 +109,7 @@ class Globe {
 
   paint() {
     this.colours = Object.fromEntries(
-      ["ground", "panel", "ink", "quiet", "edge", "faint", "link", "here", "other", "third", "thesis", "otis"]
+      ["ground", "panel", "ink", "quiet", "edge", "faint", "link", "here", "other", "third", "thesis", "otis", "fourth", "fifth", "sixth"]
         .map((name) => [name, colour(name)]),
     );
     this.font = `13px ${FONT.family}`;
@@ -275,7 +275,9 @@ class Globe {
   // the ways of the flights: what is behind the Earth before it is drawn, the rest after
   ways(behind) {
     const { pen, colours } = this;
-    for (const flight of this.flights) {
+    // an optimum lies over the flight that follows it, which shows through its gaps
+    const above = (flight) => flight.over ? 1 : 0;
+    for (const flight of [...this.flights].sort((a, b) => above(a) - above(b))) {
       for (const way of flight.ways) {
         pen.beginPath();
         let down = false;
@@ -288,7 +290,7 @@ class Globe {
         pen.strokeStyle = way.role ? colours[way.role] : this.several ? colours[flight.role] : colours.quiet;
         const pointed = flight === this.pointed;
         pen.lineWidth = flight.faint && !pointed ? 1.1 : way.role ? 3 : 1.8;
-        pen.setLineDash(way.role ? [] : [7, 5]);
+        pen.setLineDash(!way.role ? (flight.over ? [2, 6] : [7, 5]) : flight.over ? [9, 9] : []);
         pen.globalAlpha = behind ? 0.45 : flight.faint && !pointed ? 0.6 : 1;
         pen.stroke();
       }

@@ -16,9 +16,9 @@ const linked = document.documentElement.dataset.figures === "linked";
 const growing = document.documentElement.dataset.figures === "growing";
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const FONT = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", size: 13 };
-const WIDTH = { line: 2, dashes: 2, dots: 2.5, step: 1.6, bars: 1.2, band: 8 };
-const DASH = { dashes: "7px,5px", dots: "2px,5px" };
-const LAYER = { band: 0, dashes: 0, bars: 0, cloud: 0, line: 1, step: 1, dots: 2, marks: 3 };
+const WIDTH = { line: 2, dashes: 2, over: 2.2, dots: 2.5, step: 1.6, bars: 1.2, band: 8 };
+const DASH = { dashes: "7px,5px", over: "8px,8px", dots: "2px,5px" };
+const LAYER = { band: 0, dashes: 0, bars: 0, cloud: 0, line: 1, step: 1, over: 2, dots: 2, marks: 3 };
 const SYMBOL = { thesis: "diamond", otis: "square" };
 
 const colour = (name) =>

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 #: Origin of a number, which sets its colour. `other` and `third` are further results of ours,
-#: `quiet` is the background of a map.
-Role = Literal["here", "other", "third", "thesis", "otis", "quiet"]
-Shape = Literal["line", "dashes", "dots", "step", "bars", "band", "marks", "cloud"]
+#: `quiet` is the background of a map; the rest are for the many arcs of a flight.
+Role = Literal["here", "other", "third", "thesis", "otis", "fourth", "fifth", "sixth", "quiet"]
+#: Shape of a series; `over` are dashes above the other lines, which show through the gaps.
+Shape = Literal["line", "dashes", "over", "dots", "step", "bars", "band", "marks", "cloud"]
 
 BLANK = "–"
 MINUS = "\N{MINUS SIGN}"

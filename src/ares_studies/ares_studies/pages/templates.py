@@ -26,6 +26,9 @@ PALETTES = {
         "third": "#8d5a00",
         "thesis": "#b63d0a",
         "otis": "#6a45a8",
+        "fourth": "#5a1508",
+        "fifth": "#2414e0",
+        "sixth": "#1d1650",
     },
     "dark": {
         "ground": "#12161b",
@@ -40,6 +43,9 @@ PALETTES = {
         "third": "#dcae4a",
         "thesis": "#f58f60",
         "otis": "#bba2f3",
+        "fourth": "#eef06a",
+        "fifth": "#7580ff",
+        "sixth": "#b4f7c6",
     },
 }
 

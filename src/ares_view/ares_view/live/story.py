@@ -30,7 +30,7 @@ from ares_studies.event_words import (
     event_name,
     hand_over,
 )
-from ares_studies.flight_page.charts import ROLES
+from ares_studies.flight_page.charts import ARC_ROLES
 from ares_studies.flight_page.data import States, attitude_of, phase_name, states_of
 from ares_studies.flight_page.geometry import impact_track
 from ares_studies.flight_page.land import land_on
@@ -332,7 +332,7 @@ class Story:
         phase = self._phases[-1]
         if phase["role"] is None and truth["thrust"][i] > 0.0:
             burns = sum(1 for one in self._phases if one["role"])
-            phase["role"] = ROLES[burns % len(ROLES)]
+            phase["role"] = ARC_ROLES[burns % len(ARC_ROLES)]
             self._about_version += 1
 
     def add_status(
