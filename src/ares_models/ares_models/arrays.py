@@ -16,6 +16,8 @@ Record = Any
 
 MAX_ARCS = 24
 MAX_JETTISONS = 8
+#: Largest number of pieces that a flight drops: stages but the last, jettisons.
+MAX_PIECES = 15
 MAX_KNOTS = 64
 #: Largest number of knots of a drag table.
 MAX_DRAG_KNOTS = 32
@@ -220,6 +222,35 @@ JETTISON = np.dtype(
         ("criterion", np.int64),  # HEATING_LIMIT, MISSION_TIME or TIME_AFTER_IGNITION
         ("value", np.float64),  # W/m2, s or s
         ("stage", np.int64),  # it drops no earlier than this stage's first burn
+    ],
+    align=True,
+)
+
+#: What falls after a separation: a stage, boosters of one kind, a jettison.
+PIECE = np.dtype(
+    [
+        ("coefficient", np.float64),  # kg/m2, ballistic; 0: the mass over the area
+        ("area", np.float64),  # m2, drag area; 0: without drag
+    ],
+    align=True,
+)
+
+#: A fall from the separation to the ground.
+FALL = np.dtype(
+    [
+        ("dropped", np.int64),  # 0: it was not, and nothing else is known
+        # at the separation
+        ("time", np.float64),
+        ("position", np.float64, (3,)),
+        ("velocity", np.float64, (3,)),
+        ("mass", np.float64),  # of all of one kind
+        ("coefficient", np.float64),  # kg/m2; inf: without drag
+        # at the impact; nan: it does not come down
+        ("down_time", np.float64),
+        ("place", np.float64, (3,)),  # unit vector from the centre in body-fixed axes
+        ("latitude", np.float64),  # rad, geodetic
+        ("longitude", np.float64),  # rad, -pi to pi
+        ("speed", np.float64),  # m/s, relative to the ground
     ],
     align=True,
 )

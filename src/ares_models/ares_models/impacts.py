@@ -25,7 +25,7 @@ _ROUND, _EDGE = 72, 12
 
 @dataclass(frozen=True)
 class Impact:
-    """Hold the impact of a vehicle without thrust and without air drag.
+    """Hold the impact of a vehicle, or of a piece of it, without thrust.
 
     Attributes:
         time_s: mission elapsed time.
@@ -56,7 +56,7 @@ def find_impact(
     environment: Record,
     areas: Sequence[str] = (),
 ) -> Impact | None:
-    """Find the impact of a state; None if it has none.
+    """Find the impact of a state without air drag; None if it has none.
 
     Args:
         position: inertial, m, shape (3,).
@@ -72,11 +72,24 @@ def find_impact(
     span, down = fall(r, v, record)
     if not math.isfinite(span):
         return None
-    place = ground_direction(down, time_s + span, record)
+    return impact_at(time_s + span, ground_direction(down, time_s + span, record), record, areas)
+
+
+def impact_at(
+    time_s: float, place: tuple[float, float, float], record: Record, areas: Sequence[str]
+) -> Impact:
+    """Describe an impact.
+
+    Args:
+        time_s: mission elapsed time.
+        place: unit vector from the centre in body-fixed axes.
+        record: record ENVIRONMENT, element of an array.
+        areas: names of the areas.
+    """
     outside_m, nearest = outside_areas(place, record)
     latitude_deg, longitude_deg = _place(place, record)
     return Impact(
-        time_s + span,
+        time_s,
         latitude_deg,
         longitude_deg,
         areas[nearest] if outside_m < 0.0 and areas else None,
