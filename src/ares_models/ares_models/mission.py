@@ -49,6 +49,7 @@ from ares_models.mission_parts import (
     Jettison,
     Stage,
 )
+from ares_models.mission_pieces import DroppedPiece, dropped_pieces
 from ares_models.mission_programme import (
     ProgrammePart,
     UntilPart,
@@ -238,6 +239,7 @@ class Mission(Part):
                 mass_kg=booster.count * booster.dry_mass_kg,
                 stage=stage.name,
                 time_after_ignition_s=booster.end_s(g0),
+                ballistic_coefficient_kg_m2=booster.ballistic_coefficient_kg_m2,
             )
             for stage in self.stages
             for booster in stage.boosters
@@ -386,6 +388,11 @@ class Mission(Part):
     def environment_array(self) -> NDArray[np.void]:
         """Compile gravity, figure, rotation and areas, shape (1,), dtype ENVIRONMENT."""
         return environment_array(self)
+
+    @property
+    def pieces(self) -> tuple[DroppedPiece, ...]:
+        """Return what falls: the stages but the last, then the drops; see `dropped_pieces`."""
+        return dropped_pieces(self)
 
     @property
     def digest(self) -> str:

@@ -19,6 +19,7 @@ from ares_models.mission_arcs import BurnArc, check_curve
 from ares_models.mission_keys import (
     HEAVIEST_KG,
     Area,
+    BallisticCoefficient,
     Delay,
     Duration,
     EngineCount,
@@ -29,6 +30,7 @@ from ares_models.mission_keys import (
     Thrust,
     ThrustTable,
     fail,
+    not_there,
     one_of,
 )
 
@@ -67,6 +69,11 @@ class Booster(Part):
     )
     exit_area_m2: Area | None = Field(default=None, description="of its nozzle")
     ignition_s: Delay = Field(default=0.0, description="after the ignition of the stage")
+    ballistic_coefficient_kg_m2: BallisticCoefficient | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="of one as it falls: mass over drag coefficient times area",
+    )
 
     @model_validator(mode="after")
     def _one_form(self) -> "Booster":

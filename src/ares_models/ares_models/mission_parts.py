@@ -16,6 +16,7 @@ from ares_models.mission_keys import (
     Acceleration,
     Area,
     AreaRadius,
+    BallisticCoefficient,
     BodyRadius,
     CoefficientTable,
     Curve,
@@ -324,6 +325,11 @@ class Stage(Part):
         exclude_if=not_there,
         description="of the vehicle while this stage is the lowest; default: that of the mission",
     )
+    ballistic_coefficient_kg_m2: BallisticCoefficient | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="of the stage as it falls: mass over drag coefficient times area",
+    )
     max_dynamic_pressure_pa: Pressure | None = Field(
         default=None, exclude_if=not_there, description="greatest 0.5 rho V^2 of the stage"
     )
@@ -443,6 +449,11 @@ class Jettison(Part):
     time_s: MissionTime | None = Field(default=None, description="at this mission elapsed time")
     time_after_ignition_s: Delay | None = Field(
         default=None, description="so long after the stage's first ignition command"
+    )
+    ballistic_coefficient_kg_m2: BallisticCoefficient | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="of the part as it falls: mass over drag coefficient times area",
     )
 
     @model_validator(mode="after")
