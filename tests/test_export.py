@@ -185,6 +185,23 @@ def test_the_table_of_events(exported):
 # ---- globes
 
 
+def test_what_comes_down_is_on_globes(exported):
+    falls = read_flight(REFERENCE).summary.falls
+    assert [fall.name for fall in falls] == ["core", "payload fairing"]
+    document = KML.parse(exported("kml")).features[0]
+    (folder,) = [each for each in document.features if each.name == "where stages come down"]
+    packets = {packet["id"]: packet for packet in json.loads(exported("czml").read_text())}
+    for number, (fall, mark) in enumerate(zip(falls, folder.features, strict=True)):
+        assert (mark.name, fall.words in mark.description) == (fall.title, True)
+        point, way = mark.kml_geometry.geometry.geoms
+        packet = packets[f"fall/{number}"]
+        expected = (fall.impact.longitude_deg, fall.impact.latitude_deg)
+        for place in (point.coords[0], way.coords[-1], packet["position"]["cartographicDegrees"]):
+            assert place[:2] == pytest.approx(expected, abs=1e-5)
+        assert way.coords[-1][2] == pytest.approx(0.0, abs=0.5)
+        assert len(packet["polyline"]["positions"]["cartographicDegrees"]) == 3 * len(way.coords)
+
+
 def seconds(text):
     return (datetime.fromisoformat(text) - NO_EPOCH).total_seconds()
 

@@ -256,6 +256,19 @@ def test_the_numbers_of_the_page(read_file, page_of_one, page_of_two):
     ]
 
 
+def test_where_stages_come_down_is_told_and_drawn(read_file, page_of_one, page_of_two):
+    page = read_file(page_of_one, "wide", "light")
+    rows = page.locator("article", has_text="Where stages come down").locator("tbody tr")
+    core, fairing = (row.split("\t") for row in rows.all_inner_texts()[::2])
+    assert core[0].startswith("core") and fairing[0].startswith("payload fairing")
+    assert "without drag" in rows.all_inner_texts()[1]
+    assert float(core[3].replace(",", "")) > 300.0
+    assert page.evaluate("globe.falls.map((fall) => fall.name)") == ["core", "payload fairing"]
+    assert "falls of what is dropped" in page.locator("#globe .ways").inner_text()
+    several = read_file(page_of_two, "wide", "light")
+    assert several.evaluate("globe.falls.length") == 4
+
+
 def test_several_flights_are_seen_at_once(read_file, page_of_two):
     page = read_file(page_of_two, "wide", "light")
     height = page.evaluate("innerHeight")

@@ -27,6 +27,7 @@ class MissionFacts:
         environment: record of dtype ENVIRONMENT; None: longitude zero is unknown.
         areas: names of the areas that impacts must avoid.
         rises: indices of the arcs at whose end the vehicle leaves the vertical.
+        mission: itself; None: not known.
     """
 
     name: str
@@ -41,6 +42,7 @@ class MissionFacts:
     environment: Any = None
     areas: Sequence[str] = ()
     rises: Sequence[int] = ()
+    mission: "Mission | None" = None
 
 
 def facts_of(mission: "Mission") -> MissionFacts:
@@ -61,4 +63,5 @@ def facts_of(mission: "Mission") -> MissionFacts:
         environment=None if mission.zero_longitude_deg is None else mission.environment_array()[0],
         areas=mission.area_names,
         rises=mission.vertical_rises,
+        mission=mission,
     )

@@ -152,6 +152,8 @@ def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
                 f"{number(summary.t_meco_s, 3)} s, predicted {number(predicted.cutoff_time, 3)} s",
             )
         )
+    # a long name keeps its distance
+    lines += [(f"{fall.title:<19} ", fall.words) for fall in summary.falls]
     iterations = summary.first_convergence_iterations
     lines.append(
         (

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ares_models.impacts import Impact
     from ares_models.judge import Judgement
     from ares_models.passage import Passage
+    from ares_vehicle_sim.falls import Fall
 
 #: Most diagnostics kept; later ones are only counted.
 MAX_DIAGNOSTICS = 200
@@ -215,6 +216,25 @@ class FlightSummary:
 
         end, facts = self.end, self.facts
         return find_impact(end.position, end.velocity, end.time, facts.environment, facts.areas)
+
+    @property
+    def falls(self) -> "tuple[Fall, ...]":
+        """Return the falls of what was dropped, in the mission's own air.
+
+        Empty if longitude zero is unknown.
+        """
+        mission = self.facts.mission
+        if mission is None or self.facts.environment is None or not self.events:
+            return ()
+        import numpy as np
+
+        from ares_vehicle_sim.arrays import EVENT
+        from ares_vehicle_sim.falls import find_falls
+
+        events = np.zeros(len(self.events), EVENT)
+        for name in ("type", "index", "time", "position", "velocity", "mass"):
+            events[name] = [getattr(event, name) for event in self.events]
+        return find_falls(mission, events)
 
     @property
     def first_convergence_iterations(self) -> int | None:

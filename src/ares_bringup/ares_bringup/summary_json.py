@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ares_bringup.summary import FlightSummary
     from ares_models.impacts import Impact
+    from ares_vehicle_sim.falls import Fall
 
 
 def to_json(summary: "FlightSummary") -> dict[str, Any]:
@@ -36,6 +37,7 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
         "end": str(judged.end) if judged else None,
         "exit_status": summary.exit_code,
         "impact": _impact(summary.impact),
+        "falls": [_fall(fall) for fall in summary.falls],
         "shortcomings": summary.shortcomings(),
         "first_convergence_iterations": summary.first_convergence_iterations,
         "max_stale_cycles": summary.max_stale_cycles,
@@ -73,6 +75,19 @@ def _impact(impact: "Impact | None") -> dict[str, Any] | None:
         "longitude_deg": impact.longitude_deg,
         "area": impact.area,
         "outside_m": impact.outside_m,
+    }
+
+
+def _fall(fall: "Fall") -> dict[str, Any]:
+    return {
+        "name": fall.name,
+        "count": fall.count,
+        "separation_s": fall.time_s,
+        "mass_kg": fall.mass_kg,
+        "ballistic_coefficient_kg_m2": fall.coefficient_kg_m2,
+        "impact": _impact(fall.impact),
+        "downrange_m": fall.downrange_m,
+        "speed_m_s": fall.speed_m_s,
     }
 
 

@@ -15,7 +15,7 @@ from ares_bringup.insertion import judgement, target_state
 from ares_bringup.marks import apart, marks_of
 from ares_bringup.observed import Diagnostic, Event
 from ares_bringup.outcomes import Outcome
-from ares_bringup.report import console, print_summary
+from ares_bringup.report import console, facts_of_flight, print_summary
 from ares_bringup.summary import MAX_DIAGNOSTICS, FlightSummary
 from ares_bringup.summary_json import to_json
 from ares_models.arrays import (
@@ -188,6 +188,26 @@ def test_diagnostics_are_bounded(facts):
         summary.add_diagnostic(Diagnostic(float(number), "guidance", "WARN", "again"))
     assert len(summary.diagnostics) == MAX_DIAGNOSTICS
     assert to_json(summary)["diagnostic_count"] == MAX_DIAGNOSTICS + 5
+
+
+def test_what_is_dropped_comes_down():
+    facts = facts_of(load_mission("ares_v"))
+    summary = flown(facts)
+    start = load_mission("ares_v").start()
+    at = {"position": tuple(start.position), "velocity": tuple(start.velocity)}
+    summary.events = [
+        replace(made_up_event(kind, 155.9, index, mass), **at)
+        for kind, index, mass in ((ARC_ENDED, 0, 8e5), (STAGING, 1, 5e5), (JETTISON_DONE, 0, 49e4))
+    ]
+    core, fairing = to_json(summary)["falls"]
+    assert (core["name"], core["count"], core["separation_s"]) == ("core", 1, 155.9)
+    assert (core["mass_kg"], fairing["name"]) == (3e5, "payload fairing")
+    assert core["ballistic_coefficient_kg_m2"] is None
+    assert core["impact"]["t_s"] > 155.9 and core["downrange_m"] > 0.0 and core["speed_m_s"] > 0.0
+    told = {name.strip(): value for name, value in facts_of_flight(summary)}
+    assert told["core"] == summary.falls[0].words
+    # without a place of longitude zero nothing is told of places
+    assert FlightSummary(replace(facts, environment=None), "peg").falls == ()
 
 
 def test_json_has_every_key_and_no_nan(facts):

@@ -24,6 +24,7 @@ from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.flight_page.geometry import impact_time
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import STANDARD_PAD, load_dispersions
+from ares_vehicle_sim.falls import find_falls
 
 
 def plan_from_pad() -> None:
@@ -39,7 +40,7 @@ def fly_once(name: str) -> None:
     mission = load_mission("ares_v")
     warnings(mission)
     law = Law(mission.arrays(foreseen=True)) if name == PEG.name else name
-    fly_stepwise(mission, law=law)
+    find_falls(mission, fly_stepwise(mission, law=law).events)
 
 
 def compile_laws(*names: str) -> None:

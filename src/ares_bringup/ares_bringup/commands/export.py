@@ -73,6 +73,7 @@ def _exported(flown: RecordedFlight) -> Export:
         commands=flown.columns["thrust_command"],
         events=_events(flown),
         verdict=VERDICTS[summary.outcome],
+        falls=summary.falls,
     )
 
 

@@ -31,6 +31,7 @@ from ares_studies.flight_page.page import (
 from ares_studies.pages import parts
 from ares_studies.pages.parts import Cell, Column, Guide, PageTable, Row, small, word
 from ares_studies.pages.templates import chosen_name
+from ares_vehicle_sim.falls import Fall
 
 PAGE = "report.html"
 COMPARISON = "comparison.html"
@@ -128,7 +129,10 @@ def account_of(name: str, flown: RecordedFlight, flight: DrawnFlight) -> Account
         flight: the same, ready to be drawn.
     """
     summary = flown.summary
-    problems = summary.shortcomings()
+    problems, falls = summary.shortcomings(), summary.falls
+    tables = {"Insertion": _insertion(summary), "Delta-V budget": budget_table(flight.budget)}
+    if falls:
+        tables["Where stages come down"] = falls_table(falls)
     verdict = summary.verdict
     if summary.outcome is Outcome.INCOMPLETE:
         verdict += ": no end in this bag"
@@ -142,12 +146,13 @@ def account_of(name: str, flown: RecordedFlight, flight: DrawnFlight) -> Account
         problems=tuple(problems),
         key_numbers=(*_key_numbers(summary), *air_numbers(flight)),
         facts=tuple(_facts(flown)),
-        tables={"Insertion": _insertion(summary), "Delta-V budget": budget_table(flight.budget)},
+        tables=tables,
         end=ENDINGS.get(summary.outcome, "end"),
         events=summary.timeline,
         marks=guides(marks_of(summary)),
         air_marks=guides(air_marks(words_of(summary), summary.moments)),
         diagnostics=tuple(_complaints(summary.diagnostics)),
+        falls=falls,
     )
 
 
@@ -302,6 +307,33 @@ def budget_table(budget: Budget) -> PageTable:
     finding = (
         "Ideal minus gravity, steering, drag and pressure is the speed gained, within "
         f"{parts.about(abs(budget.open_m_s))} m/s."
+    )
+    return PageTable(columns, tuple(rows), finding)
+
+
+def falls_table(falls: Sequence[Fall]) -> PageTable:
+    """Tabulate where and when the pieces come down, and how fast."""
+    rows = []
+    for fall in falls:
+        cells = [parts.number(fall.time_s, 1), parts.number(fall.coefficient_kg_m2, 0)]
+        note = "without drag" if math.isinf(fall.coefficient_kg_m2) else ""
+        if fall.impact is None:
+            cells += [word(parts.BLANK)] * 4
+            note = fall.words
+        else:
+            cells += [
+                parts.number(fall.impact.time_s, 1),
+                word(fall.impact.place),
+                parts.number(fall.downrange_m / 1e3, 0),
+                parts.number(fall.speed_m_s, 0),
+            ]
+            if fall.impact.area:
+                note = f"in {fall.impact.area}"
+        rows.append(Row(fall.title, tuple(cells), note))
+    titles = ("dropped, s", "ballistic coefficient, kg/m2", "down, s", "at", "downrange, km")
+    columns = tuple(map(Column, (*titles, "speed, m/s")))
+    finding = (
+        "In the air of the mission, as points; a piece without a coefficient of its own tumbles."
     )
     return PageTable(columns, tuple(rows), finding)
 

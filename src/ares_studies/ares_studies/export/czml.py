@@ -9,10 +9,12 @@ import numpy as np
 
 from ares_studies.export.globes import (
     BURNS,
+    COAST,
     WIDTH,
     ExportTrack,
     about,
     coordinates_of,
+    falls_of,
     moment,
     track_of,
 )
@@ -20,7 +22,7 @@ from ares_studies.export.recording import Export
 
 
 def as_czml(export: Export) -> bytes:
-    """Write a CZML document: clock, vehicle with its path, a line per phase, events."""
+    """Write a CZML document: clock, vehicle with its path, a line per phase, events, falls."""
     track = track_of(export)
     begin, end = moment(export, track.time_s[0]), moment(export, track.time_s[-1])
     span = f"{begin}/{end}"
@@ -41,6 +43,7 @@ def as_czml(export: Export) -> bytes:
         _vehicle(export, track, span),
         *_lines(export, track, end),
         *_events(export, end),
+        *_falls(export, end),
     ]
     return json.dumps(packets, indent=1, allow_nan=False, ensure_ascii=False).encode()
 
@@ -107,5 +110,23 @@ def _events(export: Export, end: str) -> Iterator[dict[str, Any]]:
                 "font": "12px sans-serif",
                 "pixelOffset": {"cartesian2": [8, -8]},
                 "horizontalOrigin": "LEFT",
+            },
+        }
+
+
+def _falls(export: Export, end: str) -> Iterator[dict[str, Any]]:
+    for number, (fall, way) in enumerate(falls_of(export)):
+        yield {
+            "id": f"fall/{number}",
+            "name": fall.title,
+            "description": f"{fall.words}; {fall.speed_m_s:,.0f} m/s",
+            "availability": f"{min(moment(export, fall.time_s), end)}/{end}",
+            "position": {"cartographicDegrees": list(way[-1])},
+            "point": {"pixelSize": 8, "color": _colour(COAST)},
+            "polyline": {
+                "positions": {"cartographicDegrees": np.ravel(way).tolist()},
+                "width": 1,
+                "arcType": "NONE",
+                "material": {"solidColor": {"color": _colour(COAST)}},
             },
         }

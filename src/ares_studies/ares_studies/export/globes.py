@@ -12,6 +12,7 @@ from datetime import UTC, datetime, timedelta
 from ares_models.geodesy import Places
 from ares_studies.export.recording import Export
 from ares_studies.flight_page.data import Phase, chosen, phases_of
+from ares_vehicle_sim.falls import Fall
 
 NO_EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
 #: Colours of the burns in turn, and of coasts: red, green, blue.
@@ -55,6 +56,13 @@ def coordinates_of(places: Places) -> list[tuple[float, float, float]]:
             strict=True,
         )
     ]
+
+
+def falls_of(export: Export) -> Iterator[tuple[Fall, list[tuple[float, float, float]]]]:
+    """Yield what comes down, with the coordinates of its way there."""
+    for fall in export.falls:
+        if fall.impact is not None:
+            yield fall, coordinates_of(export.fall_places(fall))
 
 
 def track_of(export: Export) -> ExportTrack:

@@ -10,6 +10,7 @@ from ares_studies.export.globes import (
     ExportTrack,
     about,
     coordinates_of,
+    falls_of,
     moment,
     track_of,
 )
@@ -23,7 +24,7 @@ Place = tuple[float, float, float]
 
 
 def as_kml(export: Export) -> bytes:
-    """Write KML: a track coloured by phase, the ground track, a placemark per event."""
+    """Write KML: a track coloured by phase, the ground track, a placemark per event and fall."""
     track = track_of(export)
     root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
     document = _named(root, "Document", export.title)
@@ -54,8 +55,23 @@ def as_kml(export: Export) -> bytes:
         _text(mark, "description", f"t = {event.time_s:.3f} s, mass {event.mass_kg:,.1f} kg")
         _span(mark, moment(export, event.time_s), end)
         _points(SubElement(mark, "Point"), "absolute", [place])
+    _falls(document, export)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+
+
+def _falls(document: Element, export: Export) -> None:
+    """Add the way of each piece to the ground, and a placemark where it comes down."""
+    falls = list(falls_of(export))
+    if not falls:
+        return
+    folder = _named(document, "Folder", "where stages come down")
+    for fall, way in falls:
+        mark = _named(folder, "Placemark", fall.title)
+        _text(mark, "description", f"{fall.words}; {fall.speed_m_s:,.0f} m/s")
+        both = SubElement(mark, "MultiGeometry")
+        _points(SubElement(both, "Point"), "clampToGround", way[-1:])
+        _points(SubElement(both, "LineString"), "absolute", way)
 
 
 def _text(parent: Element, tag: str, text: str) -> None:

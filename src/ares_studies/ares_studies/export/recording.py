@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ares_models.earth import Earth
 from ares_models.geodesy import Places, geodetic
 from ares_studies.flight_page.data import Columns, Recording
+from ares_vehicle_sim.falls import Fall
 
 Array = NDArray[np.float64]
 
@@ -34,12 +35,14 @@ class Export:
         commands: columns of ThrustCommand, with `time` in s; may have no rows.
         events: in order of time.
         verdict: of the flight, in words.
+        falls: of what was dropped.
     """
 
     recording: Recording
     commands: Columns
     events: Sequence[ExportEvent]
     verdict: str
+    falls: Sequence[Fall] = ()
 
     def places(self) -> Places:
         """Return the geodetic positions of all states, on the mission's ellipsoid."""
@@ -51,6 +54,10 @@ class Export:
         times = np.array([event.time_s for event in self.events])
         positions = np.array([event.position for event in self.events]).reshape(-1, 3)
         return geodetic(times, positions, self._earth)
+
+    def fall_places(self, fall: Fall) -> Places:
+        """Return the geodetic positions along a fall."""
+        return geodetic(fall.track_time_s, fall.track, self._earth)
 
     @property
     def title(self) -> str:

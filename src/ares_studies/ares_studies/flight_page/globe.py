@@ -2,7 +2,7 @@
 """Make the globe: tracks in longitude, latitude and height, and the land below."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ares_studies.flight_page.data import DrawnFlight, Phase
 from ares_studies.flight_page.geometry import ground_track
 from ares_studies.flight_page.land import land_on
 from ares_studies.pages.parts import Role, Shape
+from ares_vehicle_sim.falls import Fall
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ class Globe:
         ends: label of the last mark of each flight.
         nearest: largest initial zoom; 1: the whole globe.
         areas: outlines of the areas that impacts must avoid, as `land`.
+        falls: ways of what was dropped to where it comes down.
     """
 
     flights: tuple[GlobeFlight, ...]
@@ -77,6 +79,7 @@ class Globe:
     ends: tuple[str, ...]
     nearest: float = 1.0
     areas: tuple[tuple[float, ...], ...] = ()
+    falls: tuple[GlobeFlight, ...] = ()
 
     def key(self, kinds: Iterable[tuple[str, Role]]) -> list[tuple[str, Role, int, Shape]]:
         """Return labels, colours, numbers and shapes of the kinds of flights on it.
@@ -151,13 +154,19 @@ def spot(name: str, role: Role, latitude_deg: float, longitude_deg: float) -> Gl
     )
 
 
-def make_globe(flights: Sequence[DrawnFlight], names: Sequence[str], ends: Sequence[str]) -> Globe:
+def make_globe(
+    flights: Sequence[DrawnFlight],
+    names: Sequence[str],
+    ends: Sequence[str],
+    falls: Sequence[Sequence[Fall]] = (),
+) -> Globe:
     """Make the globe of some flights.
 
     Args:
         flights: one, or several overlaid.
         names: of the flights.
         ends: label of the end of each.
+        falls: of what each has dropped.
     """
     radius = flights[0].mission.environment.earth.equatorial_radius_m
     return Globe(
@@ -167,7 +176,19 @@ def make_globe(flights: Sequence[DrawnFlight], names: Sequence[str], ends: Seque
         ),
         land=land_on(radius),
         ends=tuple(ends),
+        falls=tuple(
+            _fall(flight.mission, fall, ROLES[k])
+            for k, (flight, dropped) in enumerate(zip(flights, falls, strict=False))
+            for fall in dropped
+            if fall.impact is not None
+        ),
     )
+
+
+def _fall(mission: Mission, fall: Fall, role: Role) -> GlobeFlight:
+    """Make the way of a piece to the ground, drawn as a coast is."""
+    way = way_beside_others(mission, fall.track_time_s, fall.track, fall.name, role, faint=True)
+    return replace(way, ways=tuple(replace(part, role=None) for part in way.ways))
 
 
 def _flight(flight: DrawnFlight, name: str, role: Role, together: bool) -> GlobeFlight:

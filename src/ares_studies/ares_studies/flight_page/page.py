@@ -11,6 +11,7 @@ from ares_studies.flight_page.data import DrawnFlight
 from ares_studies.flight_page.globe import Globe, make_globe
 from ares_studies.pages.parts import Chapter, Guide, PageTable, Role
 from ares_studies.pages.templates import make_environment, one_line, render_report
+from ares_vehicle_sim.falls import Fall
 
 #: Most flights on a page, one colour each.
 MAX_FLIGHTS = len(ROLES)
@@ -48,6 +49,7 @@ class Account:
         marks: instants for the charts over the whole flight.
         air_marks: instants for the charts over its part in the air.
         diagnostics: complaints of nodes.
+        falls: of what was dropped.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Account:
     marks: tuple[Guide, ...]
     air_marks: tuple[Guide, ...]
     diagnostics: tuple[Complaint, ...]
+    falls: Sequence[Fall] = ()
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,12 @@ def make_report(
         roles=ROLES[: len(flights)],
         comparison=comparison,
         chapters=make_chapters(flights, names, *marks),
-        globe=make_globe(flights, names, [account.end for account in accounts]),
+        globe=make_globe(
+            flights,
+            names,
+            [account.end for account in accounts],
+            [account.falls for account in accounts],
+        ),
         placed=all(flight.mission.zero_longitude_deg is not None for flight in flights),
     )
 

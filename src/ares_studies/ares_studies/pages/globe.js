@@ -73,11 +73,13 @@ class Globe {
 
   // the flights, as they are by now
   load() {
-    this.flights = EARTH.flights.map((flight) => ({
+    const placed = (flight) => ({
       ...flight,
       ground: onSphere(flight.longitude_deg, flight.latitude_deg),
       impact: onSphere(flight.impact_longitude_deg, flight.impact_latitude_deg),
-    }));
+    });
+    this.flights = EARTH.flights.map(placed);
+    this.falls = (EARTH.falls || []).map(placed);
   }
 
   // over the middle of the ways, from aside so that heights show, so near that they fill the view
@@ -199,6 +201,10 @@ class Globe {
     this.ways(false);
     this.words = [];
     this.flights.forEach((flight, i) => this.marks(flight, EARTH.ends[i]));
+    for (const fall of this.falls) {
+      const paint = colours[this.several ? fall.role : "quiet"];
+      this.mark(fall, fall.height.length - 1, 0, paint, this.several ? "" : fall.name, 3.5);
+    }
   }
 
   get several() { return this.flights.length > 1; }
@@ -277,7 +283,8 @@ class Globe {
     const { pen, colours } = this;
     // an optimum lies over the flight that follows it, which shows through its gaps
     const above = (flight) => flight.over ? 1 : 0;
-    for (const flight of [...this.flights].sort((a, b) => above(a) - above(b))) {
+    const drawn = [...this.flights, ...this.falls].sort((a, b) => above(a) - above(b));
+    for (const flight of drawn) {
       for (const way of flight.ways) {
         pen.beginPath();
         let down = false;
