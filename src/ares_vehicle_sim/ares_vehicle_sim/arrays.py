@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING, WIND, Record
+from ares_models.arrays import MAX_JETTISONS, MAX_PIECES, NAVIGATION, STEERING, WIND, Record
 
 #: Capacity for the longest possible sequence of a mission; a test covers it.
 MAX_EVENTS = 128
@@ -92,6 +92,7 @@ VARIATION = np.dtype(
         ("start_scale", np.float64, (MAX_STAGES,)),  # fraction of the start's duration
         ("latency", np.float64),  # s from navigation state to command in force
         ("errors", NAVIGATION_ERRORS),
+        ("ballistic_coefficient", np.float64, (MAX_PIECES,)),  # fraction, per piece
     ],
     align=True,
 )

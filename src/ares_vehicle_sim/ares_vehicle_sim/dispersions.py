@@ -199,6 +199,7 @@ class SpreadRange:
 Lengths = Annotated[Spreads, SpreadRange(1e6, components=3)]
 Speeds = Annotated[Spreads, SpreadRange(1e4, components=3)]
 Fractions = Annotated[Spreads, SpreadRange(0.2)]
+Uncertain = Annotated[Spreads, SpreadRange(1.0)]
 Fractions3 = Annotated[Spreads, SpreadRange(0.2, components=3)]
 Fraction = Annotated[Spreads, SpreadRange(0.2, components=1)]
 LogFactor = Annotated[Spreads, SpreadRange(3.0, components=1)]
@@ -353,6 +354,9 @@ class Dispersions(Part):
     latency_s: Time = Field(
         default=NOTHING,
         description="from a navigation state until the command that answers it is in force",
+    )
+    ballistic_coefficient: Uncertain = Field(
+        default=NOTHING, description="fraction, of what is dropped as it falls"
     )
     j2: Oblateness | None = Field(
         default=None, description="J2 of the true gravity; guidance keeps the mission's"

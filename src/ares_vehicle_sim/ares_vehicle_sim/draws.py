@@ -68,6 +68,7 @@ FIELDS = {
     "gust.altitude_m": "",
     "gust.length_m": "",
     "gust.azimuth_deg": "",
+    "ballistic_coefficient": "ballistic_coefficient",
 }
 PER_STAGE = (
     "thrust",
@@ -425,11 +426,19 @@ def _slugs(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(re.sub(r"\W+", "_", name) for name in names)
 
 
+def piece_slugs(mission: Mission) -> tuple[str, ...]:
+    """Return the parts of columns' names for what a mission drops, each once."""
+    slugs = _slugs([piece.name for piece in mission.pieces])
+    return tuple(
+        slug if slug not in slugs[:k] else f"{slug}_{k + 1}" for k, slug in enumerate(slugs)
+    )
+
+
 def _quantities(mission: Mission, dispersions: Dispersions) -> list[_Quantity]:
     """List the dispersed quantities in the order of FIELDS.
 
     Raises:
-        DispersionsError: the length of a list is not the number of stages or jettisons.
+        DispersionsError: the length of a list is not the number of stages, jettisons or pieces.
     """
     axes = AXES[dispersions.initial_frame]
     components: dict[str, Sequence[str]] = {POSITION: axes, VELOCITY: axes}
@@ -440,6 +449,7 @@ def _quantities(mission: Mission, dispersions: Dispersions) -> list[_Quantity]:
         for key in ("position_bias_m", "velocity_bias_m_s", "sensed_delta_v_scale")
     }
     components["wind.factor"] = ("east", "north")
+    components["ballistic_coefficient"] = piece_slugs(mission)
     given = _given(dispersions)
     quantities = []
     for name in FIELDS:

@@ -31,9 +31,11 @@ from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.judge import FIGURES
 from ares_models.mission import Mission, load_mission
+from ares_studies.export.kml import footprints_kml
 from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import FlightRange, Settings
+from ares_studies.montecarlo.footprints import Footprints
 from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import FAILURES, Load, Summary, Tally, summarize
@@ -49,6 +51,7 @@ EXIT_INTERRUPTED = 130
 #: Folder of new campaigns in the workspace.
 CAMPAIGNS = "campaigns"
 REPORT = "report.html"
+FOOTPRINTS = "footprints.kml"
 #: Share of a tolerance from which on a J2 that is not on board is told as a cause of misses.
 MUCH = 0.5
 #: Label, unit, factor and decimals of the loads in the summary.
@@ -179,7 +182,12 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
                     return EXIT_INTERRUPTED
             note_written(str(store.flights))
             nominal = nominal_flight(settings)
-            summary = summarize(store.flights, float(nominal["propellant_used"]))
+            summary = summarize(
+                store.flights, float(nominal["propellant_used"]), Footprints(settings.mission)
+            )
+            footprints = store.folder / FOOTPRINTS
+            kml = footprints_kml(settings.mission.title, summary.footprints)
+            write_whole(footprints, kml)
             reached = reaches(settings, summary.worst[FAILURES])
             report = _write_report(options, settings, summary, reached, store)
             times = {
@@ -353,6 +361,7 @@ def _report(
             "reserve_kg": summary.reserve.reserve_kg,
             "flights_needed": summary.reserve.needed,
         },
+        "footprints": [asdict(footprint) for footprint in summary.footprints],
         "loads": {name: asdict(load) for name, load in summary.loads.items()},
         "influences": {
             name: {influence.name: influence.correlation for influence in influences}
@@ -436,6 +445,8 @@ def _print(
         )
     for name, load in summary.loads.items():
         out.print(_load(name, load), soft_wrap=True)
+    for footprint in summary.footprints:
+        out.print(footprint.words, soft_wrap=True)
     for name, influences in summary.influences.items():
         strongest = ", ".join(f"{i.name} {i.correlation:+.2f}" for i in influences[:3])
         if strongest:
@@ -489,7 +500,8 @@ def _fly_alone(options: CampaignOptions, settings: Settings, begun: float) -> in
         flyer = FlightRange(settings)
         clock = time.monotonic()
         for flight in options.only:
-            table = make_table(flyer.fly(flight, 1), flyer.columns, settings.mission.jettison_names)
+            names = settings.mission.jettison_names
+            table = make_table(flyer.fly(flight, 1), flyer.columns, names, flyer.pieces)
             tally.add(table)
             rows += table.to_pylist()
         seconds = time.monotonic() - clock

@@ -15,6 +15,7 @@ from ares_studies.export.globes import (
     track_of,
 )
 from ares_studies.export.recording import Export
+from ares_studies.montecarlo.footprints import SHARE, Footprint
 
 KML = "http://www.opengis.net/kml/2.2"
 #: Google's extensions: a track with a time at each point.
@@ -112,3 +113,22 @@ def _vehicle(document: Element, export: Export, track: ExportTrack) -> None:
         _text(element, "when", moment(export, time))
     for x, y, z in track.coordinates:
         _text(element, "gx:coord", f"{x} {y} {z}")
+
+
+def footprints_kml(title: str, footprints: Sequence[Footprint]) -> bytes:
+    """Write KML of a campaign: for each piece a placemark at the mean and the ellipse."""
+    root = Element("kml", {"xmlns": KML})
+    document = _named(root, "Document", title)
+    _text(document, "description", f"Where pieces come down, ellipses of {100 * SHARE:g} %.")
+    for footprint in footprints:
+        mark = _named(document, "Placemark", footprint.name)
+        _text(mark, "description", footprint.words)
+        both = SubElement(mark, "MultiGeometry")
+        mean = (round(footprint.longitude_deg, 6), round(footprint.latitude_deg, 6), 0.0)
+        _points(SubElement(both, "Point"), "clampToGround", [mean])
+        if outline := footprint.outline():
+            line = SubElement(both, "LineString")
+            _text(line, "tessellate", "1")
+            _points(line, "clampToGround", [(round(x, 6), round(y, 6), 0.0) for y, x in outline])
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)

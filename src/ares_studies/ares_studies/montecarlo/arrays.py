@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from ares_models.arrays import FALL, MAX_PIECES
 from ares_models.kernels.judging import JUDGED
 
 RESULT = np.dtype(
@@ -38,6 +39,7 @@ RESULT = np.dtype(
         ("terminal_accuracy", np.int64),
         ("fairing_off", np.int64),
         ("heating_kept", np.int64),
+        ("falls", FALL, (MAX_PIECES,)),  # of what was dropped
     ],
     align=True,
 )

@@ -56,7 +56,8 @@ def fly_chunk(pickled: bytes, chunk: Chunk) -> Any:
         _own.range = FlightRange(_own.settings)
         _own.pickled = pickled
     flown: Flown = _own.range.fly(*chunk)
-    return make_table(flown, _own.range.columns, _own.settings.mission.jettison_names)
+    names = _own.settings.mission.jettison_names
+    return make_table(flown, _own.range.columns, names, _own.range.pieces)
 
 
 def cores() -> int:
@@ -183,7 +184,7 @@ def lost(settings: Settings, chunk: Chunk, error: object) -> Any:
         np.zeros(count, RESULT),
         dict.fromkeys(range(first, first + count), f"{type(error).__name__}: {_line(error)}"),
     )
-    return make_table(flown, flyer.columns, settings.mission.jettison_names)
+    return make_table(flown, flyer.columns, settings.mission.jettison_names, flyer.pieces)
 
 
 def _line(error: object) -> str:

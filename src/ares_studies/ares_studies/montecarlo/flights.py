@@ -12,13 +12,14 @@ from ares_guidance.plan import ArcPlan
 from ares_guidance.settings import LawSettings
 from ares_models.failures import Failure, check_failure
 from ares_models.mission import Mission
+from ares_models.mission_pieces import piece_array
 from ares_studies.arrays import closed_loop
 from ares_studies.closed_loop import ready_law
 from ares_studies.loops import campaign_loop
 from ares_studies.montecarlo.arrays import RESULT
 from ares_vehicle_sim.arrays import FAILURE, blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
-from ares_vehicle_sim.draws import Sampler
+from ares_vehicle_sim.draws import Sampler, piece_slugs
 from ares_vehicle_sim.simulator import (
     CAMPAIGN,
     SimulatorOptions,
@@ -84,6 +85,7 @@ class FlightRange:
 
     Attributes:
         columns: names of the inputs.
+        pieces: what may come down, as in columns' names.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -95,10 +97,12 @@ class FlightRange:
         mission = self._mission = settings.mission
         self._sampler = Sampler(mission, settings.dispersions, settings.seed)
         self.columns = self._sampler.columns
+        self.pieces = piece_slugs(mission)
         self._nominal = nominal_truth(mission, settings.dispersions)
         believed = mission.arrays(foreseen=True)
         law = ready_law(mission, settings.law, settings.law_settings, plan=settings.plan)
         self._fly_many = campaign_loop(law.kind)
+        self._pieces = piece_array(mission.pieces)
         # the draws contain the atmosphere of each flight
         true = room_for_truth(self._nominal, self._nominal.atmosphere)
         vehicle = nominal_vehicle(mission, settings.options)
@@ -154,5 +158,6 @@ class FlightRange:
             self._workspace,
             results,
             failures,
+            self._pieces,
         )
         return Flown(first, draws.inputs, results, {})

@@ -15,6 +15,7 @@ from ares_studies.kernels import loop_records, run
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE, TIME_LIMIT
 from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.kernels.plant import begin_flight
+from ares_vehicle_sim.kernels.separations import follow_pieces
 from ares_vehicle_sim.kernels.variation import vary
 
 
@@ -93,6 +94,7 @@ def fly_many(
     workspace: LoopArrays,
     results: NDArray[Any],
     failures: NDArray[Any],
+    pieces: NDArray[Any],
 ) -> None:
     """Fly and judge one flight for every variation.
 
@@ -104,6 +106,7 @@ def fly_many(
         workspace: workspace of one flight after the other. Changed.
         results: shape (n,), dtype RESULT. Changed.
         failures: shape (n,), dtype FAILURE, or (1,) for all.
+        pieces: dtype PIECE, of the mission.
     """
     for k in range(variations.shape[0]):
         true = MissionArrays(
@@ -127,3 +130,13 @@ def fly_many(
         by_peg = run(loop)
         judge(loop, results[k])
         results[k].by_peg = by_peg
+        follow_pieces(
+            loop.vehicle.plant.events,
+            loop.vehicle.plant.event_count,
+            true.jettisons,
+            pieces,
+            variations[k].ballistic_coefficient,
+            loop.true.environment,
+            loop.true.atmosphere,
+            results[k].falls,
+        )

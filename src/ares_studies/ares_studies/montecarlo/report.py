@@ -19,6 +19,7 @@ from ares_models.mission_target import target_record
 from ares_models.tolerances import FLIGHT_PATH_ANGLE_DEG, RADIUS_M, SPEED_M_S
 from ares_studies.flight_page.globe import Globe
 from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.footprint_page import CLOUD, TEXT, footprint_items
 from ares_studies.montecarlo.reach import Reach
 from ares_studies.montecarlo.statistics import (
     CONFIDENCE,
@@ -58,8 +59,6 @@ _AIMED_STATES = (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGL
 
 #: Distance of marks without a value from a histogram, as a fraction of its width.
 _ASIDE = 0.04
-#: Most points of a scatter plot.
-CLOUD = 3000
 
 #: Labels of draws and results.
 DRAWN_NAMES = {
@@ -87,6 +86,7 @@ DRAWN_NAMES = {
     "gust.altitude_m": "gust, altitude",
     "gust.length_m": "gust, length",
     "gust.azimuth_deg": "gust, azimuth",
+    "ballistic_coefficient": "ballistic coefficient",
 }
 RESULT_NAMES = {
     "m_f_kg": ("final mass", "kg", 1),
@@ -192,7 +192,7 @@ def make_report(
         reached: optimizer's answer for failed flights, by flight.
         globe: tracks of some flights over the Earth.
     """
-    chapters = (
+    chapters: tuple[Chapter, ...] = (
         Chapter(1, "Results", _results_text(summary), tuple(_result_figures(summary))),
         Chapter(
             2,
@@ -210,6 +210,8 @@ def make_report(
             tuple(_influence_items(summary)),
         ),
     )
+    if items := footprint_items(summary):
+        chapters += (Chapter(4, "Where pieces come down", TEXT, tuple(items)),)
     return CampaignReport(
         title=settings.mission.title,
         facts=facts,

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy import stats
 
+from ares_studies.montecarlo.footprints import Footprint, Footprints
 from ares_studies.montecarlo.store import GROUP
 from ares_studies.montecarlo.table import DRAWN, FLAGS
 
@@ -270,6 +271,7 @@ class Summary:
         worst: rows, by criterion.
         failures: rows of the first failed flights.
         sample: columns of the first flights.
+        footprints: of what comes down.
     """
 
     tally: Tally
@@ -280,6 +282,7 @@ class Summary:
     worst: dict[str, list[dict[str, Any]]]
     failures: list[dict[str, Any]]
     sample: dict[str, Array] = field(repr=False)
+    footprints: tuple[Footprint, ...] = ()
 
     @property
     def failed(self) -> dict[int, str]:
@@ -326,17 +329,21 @@ LISTS = (
 FAILURES = "failures"
 
 
-def summarize(path: Path, nominal_kg: float) -> Summary:
+def summarize(path: Path, nominal_kg: float, footprints: Footprints | None = None) -> Summary:
     """Compute the statistics of a campaign.
 
     Args:
         path: its file of flights.
         nominal_kg: propellant used by the last stage in the undispersed flight.
+        footprints: without flights yet; None: where pieces come down is left out.
     """
     with pq.ParquetFile(path) as file:
         gathered = _Gathered(file.metadata.num_rows)
         for group in range(file.num_row_groups):
-            gathered.add(file.read_row_group(group))
+            table = file.read_row_group(group)
+            gathered.add(table)
+            if footprints is not None:
+                footprints.add(table)
         histograms = _histograms(file, gathered)
     rank = bound_rank(gathered.tally.n)
     used = gathered.tail.largest(rank) if rank else np.nan
@@ -353,6 +360,7 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
         worst={FAILURES: gathered.failures[: 2 * WORST], **gathered.worst},
         failures=gathered.failures,
         sample=gathered.sample,
+        footprints=footprints.found() if footprints is not None else (),
     )
 
 
@@ -456,7 +464,9 @@ def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
     known = np.isfinite(result)
     found = []
     for column, drawn in sample.items():
-        if not column.startswith(DRAWN) or known.sum() < 3:
+        # what is dropped has no influence on the flight
+        apart = column.startswith(f"{DRAWN}ballistic_coefficient")
+        if apart or not column.startswith(DRAWN) or known.sum() < 3:
             continue
         if np.ptp(drawn[known]) == 0.0 or np.ptp(result[known]) == 0.0:
             continue

@@ -22,7 +22,8 @@ import pyarrow.parquet as pq
 
 from ares_studies.montecarlo.flights import Settings
 
-FORMAT = 1
+#: 2: columns of what comes down.
+FORMAT = 2
 SETTINGS = "campaign.json"
 PARTS = "parts"
 FLIGHTS = "flights.parquet"
@@ -57,7 +58,7 @@ def describe(settings: Settings) -> dict[str, Any]:
 def _first_difference(old: Any, new: Any, path: str = "") -> str:
     """Describe the first key in which plain data differ, with both values; "" if none."""
     if isinstance(old, dict) and isinstance(new, dict):
-        for key in sorted(old.keys() | new.keys()):
+        for key in sorted(old.keys() | new.keys(), key=lambda key: (key != "format", key)):
             found = _first_difference(old.get(key), new.get(key), f"{path}.{key}" if path else key)
             if found:
                 return found

@@ -68,6 +68,9 @@ NUMBERS = (
     ("max_q_alpha_of_limit", "q_alpha_share", False),
     *((error_column(f), f"{f.name}_error", f.unit == "deg") for f in FIGURES),
 )
+#: Prefix of the columns of what comes down, and their ends with fields of FALL.
+FALLEN = "fall_"
+_FALLS = {"_t_s": "down_time", "_latitude_deg": "latitude", "_longitude_deg": "longitude"}
 #: Conditions of a success.
 FLAGS = ("terminal_accuracy", "fairing_off", "heating_kept")
 
@@ -77,28 +80,33 @@ def drawn_columns(columns: Sequence[str]) -> list[str]:
     return [DRAWN + column.replace(".", "_") for column in columns]
 
 
-def schema(columns: Sequence[str]) -> Any:
+def schema(columns: Sequence[str], pieces: Sequence[str] = ()) -> Any:
     """Return the table's schema, a pyarrow.Schema.
 
     Args:
         columns: draws, as named by the sampler.
+        pieces: as in :func:`make_table`.
     """
     fields = [("flight", pa.int64())]
     fields += [(name, pa.float64()) for name in drawn_columns(columns)]
     fields += [(name, pa.float64()) for name, _, _ in NUMBERS]
+    fields += [(f"{FALLEN}{piece}{end}", pa.float64()) for piece in pieces for end in _FALLS]
     fields += [("iterations", pa.int64())]
     fields += [(name, pa.bool_()) for name in (*FLAGS, "succeeded")]
     fields += [(name, pa.string()) for name in ("end", "outcome", "failure")]
     return pa.schema(fields)
 
 
-def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -> Any:
+def make_table(
+    flown: Flown, columns: Sequence[str], jettisons: Sequence[str], pieces: Sequence[str] = ()
+) -> Any:
     """Tabulate flights as a pyarrow.Table; unknown values are null.
 
     Args:
         flown: the flights.
         columns: draws, as named by the sampler.
         jettisons: name of each jettison, for the failures.
+        pieces: what may come down, as in columns' names.
     """
     results = flown.results
     count = len(results)
@@ -111,6 +119,12 @@ def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -
         values = np.degrees(results[field]) if angle else results[field].copy()
         values[failed] = np.nan
         data[name] = pa.array(values, from_pandas=True)
+    for k, piece in enumerate(pieces):
+        fall = results["falls"][:, k]
+        for end, field in _FALLS.items():
+            values = fall[field] if field == "down_time" else np.degrees(fall[field])
+            down = (fall["dropped"] == 1) & np.isfinite(fall["down_time"])
+            data[f"{FALLEN}{piece}{end}"] = pa.array(values, mask=~down)
     data["iterations"] = pa.array(results["iterations"].copy(), mask=failed)
     good = np.ones(count, np.bool_)
     for name in FLAGS:
@@ -131,7 +145,7 @@ def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -
     data["end"] = [None if failed[k] else ends[results["end"][k]] for k in range(count)]
     data["outcome"] = [str(outcome) for outcome in outcomes]
     data["failure"] = list(failures)
-    return pa.table(data, schema=schema(columns))
+    return pa.table(data, schema=schema(columns, pieces))
 
 
 def explain(result: Any, jettisons: Sequence[str]) -> tuple[Verdict, str]:
