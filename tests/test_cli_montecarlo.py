@@ -38,6 +38,10 @@ def test_one_json_object(ares, tmp_path):
     assert said["wall_s"] > 0.0
     assert (said["planning_s"], said["by_peg_s"]) == (0.0, 0.0)
     assert said["outcomes"] == {"success": 40}
+    core, fairing = said["footprints"]
+    assert (core["name"], core["flights"], fairing["flights"]) == ("core", 40, 40)
+    assert 0.0 < core["minor_km"] < core["major_km"] and 0.0 <= core["azimuth_deg"] < 180.0
+    assert "<name>payload fairing</name>" in (tmp_path / "c" / "footprints.kml").read_text()
     table = pq.read_table(said["results"])
     assert table.num_rows == 40
     assert max(table["m_f_kg"].to_pylist()) == mass["max"]
@@ -55,6 +59,7 @@ def test_tables_for_people(ares, tmp_path, monkeypatch):
     for words in ("guidance peg, 30 flights", "95 % interval", "heating kept", "final mass"):
         assert words in done.stdout
     assert "reserve       takes at least 767 flights" in done.stdout
+    assert "core: down at" in done.stdout
     assert "flights   c/flights.parquet" in done.stdout
     assert "report    c/report.html" in done.stdout
     again = "./ares fly --mission ares_v --guidance peg --dispersions standard --seed 3"

@@ -58,7 +58,8 @@ def standard(ares_v):
 def hundred(standard):
     """Fly a campaign of 100 flights in this thread."""
     flyer = FlightRange(standard)
-    return make_table(flyer.fly(0, 100), flyer.columns, standard.mission.jettison_names)
+    names = standard.mission.jettison_names
+    return make_table(flyer.fly(0, 100), flyer.columns, names, flyer.pieces)
 
 
 def fly(plan, folder, engine=fly_here, watch=lambda _: None):

@@ -41,6 +41,7 @@ EVERYTHING = {
     "propellant": 0.001,
     "jettison_mass": 0.05,
     "jettison_limit": 0.1,
+    "ballistic_coefficient": 0.2,
     "log_density": 0.3,
     "wind": {"table": [[0.0, 4.0, 4.0], [12e3, 30.0, 25.0]]},
     "gust": {
