@@ -44,9 +44,14 @@ class Impact:
     @property
     def place(self) -> str:
         """Return latitude and longitude as a text such as "28.50 N 80.60 W"."""
-        north = "S" if self.latitude_deg < 0.0 else "N"
-        east = "W" if self.longitude_deg < 0.0 else "E"
-        return f"{abs(self.latitude_deg):.2f} {north} {abs(self.longitude_deg):.2f} {east}"
+        return place_words(self.latitude_deg, self.longitude_deg)
+
+
+def place_words(latitude_deg: float, longitude_deg: float) -> str:
+    """Return latitude and longitude as a text such as "28.50 N 80.60 W"."""
+    north = "S" if latitude_deg < 0.0 else "N"
+    east = "W" if longitude_deg < 0.0 else "E"
+    return f"{abs(latitude_deg):.2f} {north} {abs(longitude_deg):.2f} {east}"
 
 
 def find_impact(

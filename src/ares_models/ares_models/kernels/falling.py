@@ -34,8 +34,6 @@ _FIRST_STEP, _LEAST_STEP = 1.0, 1e-3
 _MOST_STEPS, _MOST_ITERATIONS = 20_000, 30
 #: Tolerance of the altitude of an impact, m.
 _ON_GROUND = 1e-4
-#: Least factor on a ballistic coefficient, so that extreme draws stay positive.
-_LEAST_FACTOR = 0.05
 
 
 @kernel
@@ -178,7 +176,7 @@ def come_down(
 @kernel
 def follow_fall(
     piece: Record,
-    fraction: float,
+    factor: float,
     environment: Record,
     atmosphere: NDArray[np.float64],
     found: Record,
@@ -187,7 +185,7 @@ def follow_fall(
 
     Args:
         piece: record PIECE.
-        fraction: by which its ballistic coefficient is larger.
+        factor: on its ballistic coefficient.
         environment: record ENVIRONMENT.
         atmosphere: as in ``kernels/environment.py``.
         found: record FALL with the state at the separation; the rest is filled.
@@ -197,7 +195,7 @@ def follow_fall(
         coefficient = piece.coefficient
     elif piece.area > 0.0:
         coefficient = found.mass / piece.area
-    coefficient *= max(_LEAST_FACTOR, 1.0 + fraction)
+    coefficient *= factor
     found.coefficient = coefficient
     start = load(found.position), load(found.velocity)
     span, r, v = come_down(start[0], start[1], coefficient, math.inf, environment, atmosphere)

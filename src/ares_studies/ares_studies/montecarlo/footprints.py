@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.impacts import place_words
 from ares_models.mission import Mission
 from ares_studies.montecarlo.table import FALLEN
 from ares_vehicle_sim.draws import piece_slugs
@@ -52,9 +53,7 @@ class Footprint:
     @property
     def place(self) -> str:
         """Return the mean as a text such as "28.50 N 80.60 W"."""
-        north = "S" if self.latitude_deg < 0.0 else "N"
-        east = "W" if self.longitude_deg < 0.0 else "E"
-        return f"{abs(self.latitude_deg):.2f} {north} {abs(self.longitude_deg):.2f} {east}"
+        return place_words(self.latitude_deg, self.longitude_deg)
 
     @property
     def words(self) -> str:

@@ -11,6 +11,7 @@ from ares_models.kernels.falling import follow_fall
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.kernels.vectors import load, store
 from ares_vehicle_sim.arrays import JETTISON_DONE, STAGING
+from ares_vehicle_sim.kernels.variation import factor
 
 
 @kernel
@@ -57,7 +58,7 @@ def follow_pieces(
             found.mass = mass
             store(found.position, load(event.position))
             store(found.velocity, load(event.velocity))
-            follow_fall(pieces[k], fractions[k], environment, atmosphere, found)
+            follow_fall(pieces[k], factor(fractions[k]), environment, atmosphere, found)
 
 
 @kernel
