@@ -196,9 +196,10 @@ class LockStep:
         """Publish the true state, the clock, and the events up to now."""
         simulator = self.simulator
         self._pass_air(self.messages.publish_truth())
-        if simulator.complete and simulator.escaped:
+        if simulator.complete:
             # before the final event: the judge ignores later reports
-            self.report(Level.WARN, simulator.escaped)
+            for line in filter(None, (simulator.escaped, *simulator.overloads)):
+                self.report(Level.WARN, line)
         if simulator.complete and self._real_time:
             level = Level.WARN if self.pace.deadlines.missed else Level.OK
             self.report(level, str(self.pace.deadlines))

@@ -12,6 +12,7 @@ from ares_models.arrays import HEATING_LIMIT, NAVIGATION, MissionArrays
 from ares_models.failures import Failure, FailureKind, check_failure
 from ares_models.kernels.steering import UNIT_TOLERANCE
 from ares_models.mission import Mission
+from ares_models.mission_warnings import FAR_ABOVE
 from ares_models.units import NANOSECONDS
 from ares_vehicle_sim.arrays import (
     EARLY_SHUTDOWN,
@@ -36,6 +37,8 @@ from ares_vehicle_sim.kernels.variation import vary
 #: Fields of a navigation state without its time.
 MEASURED_FIELDS = tuple(name for name in NAVIGATION.fields or () if name != "time")
 SHORTEST_PERIOD_S = 1e-3
+#: Dynamic pressure and q alpha, over their limits, from which on it is told at the end.
+PASSED = 1.05
 #: Largest measured heating, over the limit, at the last navigation state before a heating jettison;
 #: a hotter one is refused. A jettison timed by the on-board model may be early: by a factor of at
 #: most 1.05 in standard dispersed flights with a state each second.
@@ -264,6 +267,24 @@ class Simulator:
         vain = "no throttle" if failure["kind"] == STUCK_THROTTLE else "a coast"
         why = f"it struck {vain}" if failure["struck"] == IN_VAIN else "its time did not come"
         return f"failure {kind}: {why}, nothing failed"
+
+    @property
+    def overloads(self) -> tuple[str, ...]:
+        """Return what passed its limit by far up to now, one line each."""
+        lines = []
+        jettisons = self._mission.jettisons
+        limits = jettisons["value"][jettisons["criterion"] == HEATING_LIMIT]
+        peak = float(self.plant["peak_heating_after_jettison"])
+        if len(limits) and peak > FAR_ABOVE * limits.min():
+            times = peak / limits.min()
+            lines.append(
+                f"heating after the jettison reached {peak:,.0f} W/m2, {times:,.0f} times its limit"
+            )
+        for name, share in (("dynamic pressure", "dynamic_pressure"), ("q alpha", "q_alpha")):
+            reached = float(self.plant[f"{share}_share"])
+            if reached > PASSED:
+                lines.append(f"{name} reached {reached:.2f} times its limit")
+        return tuple(lines)
 
     def command(self, steering: NDArray[np.void]) -> None:
         """Accept a command.

@@ -232,3 +232,23 @@ def test_no_jettison_can_be_stuck_where_there_is_none():
             STEPS,
             failure=Failure(FailureKind.STUCK_JETTISON, jettison=0),
         )
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("peak_heating_after_jettison", 3.4e3, ()),
+        (
+            "peak_heating_after_jettison",
+            131e3,
+            ("heating after the jettison reached 131,000 W/m2, 115 times its limit",),
+        ),
+        ("q_alpha_share", 1.04, ()),
+        ("q_alpha_share", 1.27, ("q alpha reached 1.27 times its limit",)),
+        ("dynamic_pressure_share", 1.1, ("dynamic pressure reached 1.10 times its limit",)),
+    ],
+)
+def test_a_limit_that_is_passed_by_far_is_told(field, value, said):
+    simulator = Simulator(load_mission("ares_v"))
+    simulator.plant[field] = value
+    assert simulator.overloads == said
