@@ -34,6 +34,10 @@ STATE = "document.documentElement.dataset.state"
 #: Charts whose drawing has come to the last state.
 DRAWN = """() => plots.filter((plot) => plot.checkVisibility()).every((plot) => plot.data
   && plot.data[0].x.at(-1) >= (live.states.last("time_s") - 5))"""
+SEEN_PLOTS = "plots.filter((plot) => plot.checkVisibility())"
+#: Charts that are drawn without a line: those of a series of fewer than two points.
+BARE = """() => plots.filter((plot) => plot.data
+  && plot.data.every(({ y }) => y.filter((one) => one !== null).length < 2)).length"""
 #: Names of the gauges that are seen.
 GAUGES = "gauges.filter((one) => one.checkVisibility()).map((one) => one.dataset.key)"
 #: Names of controls, figures and landmarks that a reader of screens is told.
@@ -177,6 +181,8 @@ def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults, t
     looks = zip(SIZES, themes, strict=True)
     pages = [(size, opened(flight.url, size, theme)) for size, theme in looks]
     page = pages[0][1]
+    # no axes before there is a line
+    assert page.evaluate(BARE) == 0
     wait_for_state(page, "Live")
     page.locator(".play").click()
     wait_for_state(page, "Paused")
@@ -214,7 +220,7 @@ def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults, t
         check_legible(one, size)
         assert serious_faults(one) == []
     page.locator(".theme").click()
-    page.wait_for_function("() => plots.every((plot) => plot._fullLayout)")
+    page.wait_for_function(f"() => {SEEN_PLOTS}.every((plot) => plot._fullLayout)")
 
 
 @pytest.mark.trial
@@ -484,6 +490,7 @@ def test_a_climb_from_the_pad_shows_what_the_air_does(ros_environment, opened, f
         page.wait_for_function(
             "() => plots[3].layout.annotations.some(({ text }) => text === 'hand-over')"
         )
+        page.wait_for_function(f"() => {SEEN_PLOTS}.every((plot) => plot._fullLayout)")
         assert illegible(page, "wide", widest=380) == []
         figures = {figure["key"]: figure for figure in page.evaluate(FIGURES)}
         assert len(figures) == 9

@@ -150,8 +150,12 @@ function layout(plot, figure) {
   };
 }
 
+// what grows has no axes before it has a line
+const begun = (figure) => figure.series.some(({ y }) => y.filter((one) => one !== null).length > 1);
+
 function draw(plot) {
   const figure = figures[plot.dataset.key];
+  if (growing && !plot.data && !begun(figure)) return null;
   const data = figure.series.map((series) => trace(series, figure.y.unit));
   const buttons = [...plot.closest(".item").querySelectorAll(".legend button")];
   buttons.forEach((button, i) => {
