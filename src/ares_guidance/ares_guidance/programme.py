@@ -3,7 +3,7 @@
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,8 +187,9 @@ def _programme(
             if coasts or not np.isfinite(direction[k]).all():
                 direction[k] = ahead
             ahead = direction[k]
-    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Programme(*columns, _navigation(trajectory, end, arrays)).thinned(MAX_PROGRAMME)
+    columns = zip(KNOTS, zip(*parts, strict=True), strict=True)
+    knots: dict[str, Any] = {name: np.concatenate(column) for name, column in columns}
+    return Programme(**knots, state=_navigation(trajectory, end, arrays)).thinned(MAX_PROGRAMME)
 
 
 def _navigation(trajectory: OfflineTrajectory, t: float, arrays: MissionArrays) -> NDArray[np.void]:

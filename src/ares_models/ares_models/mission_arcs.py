@@ -69,7 +69,7 @@ def check_curve(
         fail((key, len(curve) - 1), list(curve[-1]), "a last time greater than 0 s")
 
 
-def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
+def curve_area(curve: Sequence[tuple[float, float]]) -> float:
     """Integrate a curve over its knots: a thrust fraction to s, a thrust to N s."""
     return sum(0.5 * (t1 - t0) * (f0 + f1) for (t0, f0), (t1, f1) in pairwise(curve))
 

@@ -39,7 +39,7 @@ def released(data: dict[str, Any], mission: "Mission", hold_s: float) -> dict[st
     _check(mission, burn, hold_s)
     part = content if stage.arcs is None else content["arcs"][0]
     used = _shorten_burn(part, burn, mission.environment.g0_m_s2, hold_s)
-    if content.get("propellant_kg") is not None:
+    if stage.propellant_kg is not None:
         content["propellant_kg"] = stage.propellant_kg - used
     for booster, part in zip(stage.boosters, content.get("boosters") or (), strict=True):
         used += _shorten_booster(part, booster, mission.environment.g0_m_s2, hold_s)

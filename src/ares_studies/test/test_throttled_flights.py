@@ -5,10 +5,14 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 
 from ares_guidance.laws import check_law
-from ares_models.mission import MISSION, load_mission
-from ares_studies.closed_loop import fly_compiled
+from ares_models.input_file import read_input
+from ares_models.mission import MISSION, TEMPLATE, load_mission, parse_mission
+from ares_optimizer.solution import Check, Status
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_vehicle_sim.dispersions import Dispersions
 
 TEXT = MISSION.find("ares_v").read_text()
@@ -88,3 +92,32 @@ def test_who_cannot_fly_it_is_refused_by_name(tmp_path):
     start = held.start().navigation()
     with pytest.raises(ValueError, match="expected peg, which flies burns with attitude: held"):
         check_law("igm", held.arrays(foreseen=True), start)
+
+
+#: Arcs of the first stage of `data/template.yaml`, throttled where the dynamic pressure is highest.
+BUCKET = """
+    arcs:
+      - {name: rise, thrust_n: 225000.0, isp_s: 311.0, burn_time_s: 20.0, exit_area_m2: 0.3,
+         vertical_rise_s: 10.0}
+      - {name: full, thrust_n: 225000.0, isp_s: 311.0, burn_time_s: 25.0, exit_area_m2: 0.3}
+      - {name: throttled, thrust_n: 180000.0, isp_s: 311.0, burn_time_s: 25.0, exit_area_m2: 0.3}
+      - {name: full again, thrust_n: 225000.0, isp_s: 311.0, burn_time_s: free, exit_area_m2: 0.3}
+"""
+
+
+def test_a_launcher_is_throttled_through_the_high_pressure():
+    data, _ = read_input(TEMPLATE, MISSION)
+    stage = data["stages"][0]
+    for key in ("thrust_n", "isp_s", "burn_time_s", "exit_area_m2", "vertical_rise_s"):
+        del stage[key]
+    stage |= yaml.safe_load(BUCKET)
+    # no ascent at full thrust keeps below this
+    stage["max_dynamic_pressure_pa"] = 30000.0
+    mission = parse_mission(yaml.safe_dump(data), "throttled.yaml")
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED
+    pressure = next(c for c in solution.constraints if c.key is Check.DYNAMIC_PRESSURE)
+    assert pressure.value < 1.001 * 30000.0
+    flight = fly_compiled(mission, law=ready_law(mission, "peg"))
+    assert flight.plant["inserted"] == 1
+    assert flight.plant["mass"] == pytest.approx(solution.m_f_kg, rel=5e-3)

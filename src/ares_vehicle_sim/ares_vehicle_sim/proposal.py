@@ -29,6 +29,7 @@ SPECIFIC_IMPULSE = 0.001
 DRY_MASS = 0.0025
 PROPELLANT = 0.001
 JETTISON_MASS = 0.01
+BALLISTIC_COEFFICIENT = 0.2
 #: One sigma of the logarithm of a factor on the density: where a fairing goes, and below 30 km.
 LOG_DENSITY = 0.3
 LOG_DENSITY_LOW = 0.03
@@ -69,6 +70,9 @@ def propose(mission: Mission) -> Iterator[Proposed]:
     if flies_in_air(mission.arrays().arcs):
         reason = "the air below 30 km, where drag and loads are, is 3 % denser or thinner"
         yield Proposed("log_density", LOG_DENSITY_LOW, reason)
+        if mission.pieces:
+            reason = "of what is dropped, as it falls: how it tumbles is not known"
+            yield Proposed("ballistic_coefficient", BALLISTIC_COEFFICIENT, reason)
         if turns_as_earth(mission.environment.earth.rotation_rate_rad_s):
             yield from _winds(mission)
     elif any(part.heating_limit_w_m2 is not None for part in mission.jettisons):
