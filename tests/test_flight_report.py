@@ -186,8 +186,8 @@ def test_land_is_land_from_wherever_it_is_seen(browser, page_of_one):
     # not by `open_file`: the browser remarks that a canvas is read so often
     page = browser.new_page(color_scheme="light")
     page.goto(page_of_one.as_uri())
-    # without the flight over it
-    page.evaluate("globe.flights = []")
+    # without the flight and what it drops over it
+    page.evaluate("globe.flights = []; globe.falls = []")
     colours = page.evaluate("[globe.colours.edge, globe.colours.ground]")
     land, sea = (",".join(str(int(c[i : i + 2], 16)) for i in (1, 3, 5)) for c in colours)
     checked = 0

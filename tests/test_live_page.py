@@ -490,7 +490,7 @@ def test_a_climb_from_the_pad_shows_what_the_air_does(ros_environment, opened, f
         page.wait_for_function(
             "() => plots[3].layout.annotations.some(({ text }) => text === 'hand-over')"
         )
-        page.wait_for_function(f"() => {SEEN_PLOTS}.every((plot) => plot._fullLayout)")
+        page.wait_for_function(f"() => {SEEN_PLOTS}.every((plot) => plot.querySelector('svg'))")
         assert illegible(page, "wide", widest=380) == []
         figures = {figure["key"]: figure for figure in page.evaluate(FIGURES)}
         assert len(figures) == 9
