@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, ValidationError, model_validator
 
 from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
@@ -55,7 +55,7 @@ from ares_models.mission_programme import (
     UntilPart,
     WhenPart,
 )
-from ares_models.mission_release import released
+from ares_models.mission_release import HoldDown, held_down, released
 from ares_models.mission_start import EXPECTED_START, InitialState
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_target import (
@@ -171,13 +171,24 @@ class Mission(Part):
         description="what is flown to where the target is out of reach",
     )
 
+    _held: HoldDown | None = PrivateAttr(default=None)
+
     @model_validator(mode="wrap")
     @classmethod
     def _at_release(cls, data: Any, check: ModelWrapValidatorHandler["Mission"]) -> "Mission":
         """Check the mission as its file has it; begin it at its release from the pad."""
         mission = check(data)
         held_s = mission.initial_state.held_s
-        return check(released(data, mission, held_s)) if held_s > 0.0 else mission
+        if held_s == 0.0:
+            return mission
+        flown = check(released(data, mission, held_s))
+        flown._held = held_down(mission, flown)
+        return flown
+
+    @property
+    def held(self) -> HoldDown | None:
+        """Return what became of the vehicle on its pad; None: it was not held down."""
+        return self._held
 
     @model_validator(mode="after")
     def _whole(self) -> "Mission":

@@ -121,6 +121,10 @@ def check_lift_off(mission: "Mission") -> None:
         f"more thrust than weight at lift-off, {weight:,.0f} N; the air of the pad takes "
         f"{ambient:,.0f} N from it (exit_area_m2) and leaves {max(0.0, net):,.0f} N"
     )
+    late = [one for one in mission.stages[0].boosters if one.ignition_s > 0.0]
+    if late:
+        expected += f"; boosters {late[0].name} are lit {late[0].ignition_s:g} s later"
+        expected += ": hold_down_s of the initial_state holds the vehicle until then"
     tables = [(path, arc.thrust_table)]
     for i, one in enumerate(mission.stages[0].boosters):
         if one.ignition_s == 0.0:

@@ -7,7 +7,7 @@ left of propellant, burn times and thrust tables.
 
 import copy
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ares_models.mission_arcs import BurnArc, curve_area, sides
 from ares_models.mission_keys import fail
@@ -17,6 +17,30 @@ if TYPE_CHECKING:
     from ares_models.mission_boosters import Booster
 
 Knots = list[tuple[float, float]]
+
+
+class HoldDown(NamedTuple):
+    """Hold what became of a vehicle on its pad before the release.
+
+    Attributes:
+        time_s: from ignition to the release.
+        burnt_kg: by all that was lit.
+        boosters_s: how long each kind of boosters burnt.
+    """
+
+    time_s: float
+    burnt_kg: float
+    boosters_s: tuple[float, ...]
+
+
+def held_down(before: "Mission", released_mission: "Mission") -> HoldDown:
+    """Return what became of a vehicle on its pad, from its mission before and at the release."""
+    hold_s = before.initial_state.held_s
+    return HoldDown(
+        hold_s,
+        before.ignition_mass(0) - released_mission.ignition_mass(0),
+        tuple(max(0.0, hold_s - one.ignition_s) for one in before.stages[0].boosters),
+    )
 
 
 def released(data: dict[str, Any], mission: "Mission", hold_s: float) -> dict[str, Any]:

@@ -40,6 +40,8 @@ SLOWEST, SLOWEST_FROM = 20.0, 1e4
 HEATING_LIMITS = (5.0, 5e4)
 #: Heating in the target orbit over a limit above which the limit is surely never met.
 FAR_ABOVE = 3.0
+#: Time for which boosters burn before they lift a vehicle, at most, s.
+LONGEST_HELD_S = 3.0
 #: Least C3, m2/s2; a smaller one is probably in km2/s2.
 LEAST_C3 = 300.0
 #: Largest angle between the planes of initial state and target, deg; ascents turn by a third.
@@ -123,12 +125,26 @@ def at_its_line(text: str, name_or_path: str | Path) -> str:
 
 def _doubts(mission: "Mission") -> Iterator[Doubt]:
     yield from _start(mission)
+    yield from _held(mission)
     yield from _loads(mission)
     for i in range(len(mission.stages)):
         yield from _stage(mission, i)
         yield from _boosters(mission, i)
     yield from _heating_limits(mission)
     yield from _target(mission)
+
+
+def _held(mission: "Mission") -> Iterator[Doubt]:
+    """Tell of boosters that burn long while the pad holds them."""
+    if mission.held is None:
+        return
+    for booster, lit_s in zip(mission.stages[0].boosters, mission.held.boosters_s, strict=True):
+        if lit_s > LONGEST_HELD_S:
+            yield Doubt(
+                ("initial_state", "hold_down_s"),
+                f"lets boosters {booster.name} burn for {lit_s:g} s on the pad; if they are lit at "
+                f"the release, their ignition_s is {mission.held.time_s:g}",
+            )
 
 
 def _density(mission: "Mission", altitude: float) -> float:

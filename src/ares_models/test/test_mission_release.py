@@ -6,6 +6,7 @@ import yaml
 
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, MissionError, load_mission, parse_mission
+from ares_models.mission_warnings import file_warnings
 
 G0 = 9.80665
 
@@ -123,3 +124,25 @@ def test_a_flight_that_does_not_begin_on_the_pad_is_not_held():
     with pytest.raises(MissionError, match=r"initial_state\.hold_down_s is not a known key"):
         held("ares_v", 1.0)
     assert load_mission("delta_iii_pad").initial_state.held_s == 0.0
+
+
+def test_boosters_that_burn_long_on_the_pad_are_warned_of(tmp_path):
+    data, _ = read_input(MISSION.find("ariane5_eca_pad"), MISSION)
+    data["initial_state"]["hold_down_s"] = 7.0
+    path = tmp_path / "held.yaml"
+    path.write_text(yaml.safe_dump(data))
+    (line,) = [line for line in file_warnings(path) if "hold_down_s" in line]
+    assert "hold_down_s lets boosters" in line
+    assert line.endswith(
+        "burn for 7 s on the pad; if they are lit at the release, their ignition_s is 7"
+    )
+    mission = load_mission(path)
+    whole = load_mission("ariane5_eca_pad").start().mass_kg
+    assert mission.held.burnt_kg == pytest.approx(whole - mission.start().mass_kg)
+
+
+def test_boosters_that_are_lit_later_ask_for_a_hold_down():
+    data, _ = read_input(MISSION.find("ariane5_eca_pad"), MISSION)
+    data["stages"][0]["boosters"][0]["ignition_s"] = 7.0
+    with pytest.raises(MissionError, match="are lit 7 s later: hold_down_s of the initial_state"):
+        parse_mission(yaml.safe_dump(data), "late.yaml")

@@ -61,10 +61,11 @@ class Fall:
         """Describe where and when it comes down."""
         drag = ", without drag" if math.isinf(self.coefficient_kg_m2) else ""
         if self.impact is None:
-            return f"does not come down within a revolution{drag}"
+            return f"{'do' if self.count > 1 else 'does'} not come down within a revolution{drag}"
         where = f", in {self.impact.area}" if self.impact.area else ""
+        verb = "come" if self.count > 1 else "comes"
         return (
-            f"comes down at {self.impact.place}, {self.downrange_m / 1e3:,.0f} km downrange, "
+            f"{verb} down at {self.impact.place}, {self.downrange_m / 1e3:,.0f} km downrange, "
             f"at {self.impact.time_s:,.0f} s{drag}{where}"
         )
 

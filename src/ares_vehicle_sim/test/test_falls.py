@@ -112,7 +112,7 @@ def test_what_is_in_orbit_stays_there():
     events["velocity"] = [0.0, 7700.0, 0.0]
     falls = find_falls(load_mission("delta_iii_pad"), events)
     assert [fall.impact for fall in falls] == [None, None]
-    assert falls[0].words == "does not come down within a revolution"
+    assert falls[0].words == "do not come down within a revolution"
 
 
 def test_what_is_not_among_the_events_is_not_told():

@@ -56,6 +56,9 @@ def _mission_rows(name: str) -> tuple[str, Rows]:
     show_warnings(name)
     texts = mission.describe()
     rows = [("valid", mission.title)]
+    if mission.held is not None:
+        held = f"{mission.held.time_s:g} s after ignition, {mission.held.burnt_kg:,.0f} kg burnt"
+        rows.append(("released", held))
     return mission.name, rows + [(key, texts[key]) for key in ("stages", "jettisons", "target")]
 
 
