@@ -18,13 +18,22 @@ TURN_WEIGHT = 60.0
 STEP_S = 0.1
 
 
-def air_directions(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple[Array, Array]:
-    """Return the planned velocity in the air: directions, shape (n, 3), and speed, m/s, (n,)."""
+def plan_relief(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple[Array, Array]:
+    """Return the direction of the planned velocity in the air, and the relief, at each sample.
+
+    Returns:
+        unit vectors, shape (n, 3), and gains, shape (n,), as of :func:`relief_gains`; all 0 where
+        no burn has a limit of q alpha.
+    """
+    count = len(trajectory.sample_time)
+    if not np.isfinite(arrays.arcs["max_q_alpha"]).any():
+        return np.zeros((count, 3)), np.zeros(count)
     environment = arrays.environment[0]
     flown = zip(trajectory.sample_position, trajectory.sample_velocity, strict=True)
     velocity = np.array([air_velocity(tuple(r), tuple(v), environment) for r, v in flown])
     speed = np.linalg.norm(velocity, axis=1)
-    return velocity / np.maximum(speed, 1e-3)[:, None], speed
+    direction = velocity / np.maximum(speed, 1e-3)[:, None]
+    return direction, relief_gains(trajectory, arrays, speed)
 
 
 def relief_gains(trajectory: OfflineTrajectory, arrays: MissionArrays, speed: Array) -> Array:

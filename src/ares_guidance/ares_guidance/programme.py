@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import PROGRAMME
-from ares_guidance.load_relief import air_directions, relief_gains
+from ares_guidance.load_relief import plan_relief
 from ares_guidance.trajectory import SAME_TIME, TIME_ROUNDING, OfflineTrajectory
 from ares_models.arrays import BURN, COAST, MAX_PROGRAMME, NAVIGATION, MissionArrays
 from ares_models.kernels.aerodynamics import body_force, pressure_loss
@@ -142,9 +142,7 @@ def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple
             for r, v in zip(trajectory.sample_position, trajectory.sample_velocity, strict=True)
         ]
     )
-    air_direction, air_speed = air_directions(trajectory, arrays)
-    relief = relief_gains(trajectory, arrays, air_speed)
-    samples = (speed, air_direction, relief)
+    samples = (speed, *plan_relief(trajectory, arrays))
     return tuple(_programme(trajectory, arrays, samples, end) for end in ends)
 
 
