@@ -5,7 +5,7 @@ import math
 
 from ares_models.arrays import MAX_ARCS, Record
 from ares_models.jit import kernel
-from ares_models.kernels.vectors import is_finite, load, norm, store
+from ares_models.kernels.vectors import Vector, axpy, is_finite, load, norm, store, unit
 
 #: Largest deviation of a direction's length from 1.
 UNIT_TOLERANCE = 1e-6
@@ -32,6 +32,18 @@ def is_sound(steering: Record, jettisons: int) -> bool:
         and not math.isinf(steering.jettison_time)
         and -1 <= steering.jettison < jettisons
     )
+
+
+@kernel
+def steered_direction(steering: Record, t: float) -> Vector:
+    """Return the thrust direction of a command at a time, unit vector.
+
+    Args:
+        steering: record STEERING.
+        t: mission elapsed time, s.
+    """
+    late = t - steering.reference_time
+    return unit(axpy(late, load(steering.direction_rate), load(steering.direction)))
 
 
 @kernel

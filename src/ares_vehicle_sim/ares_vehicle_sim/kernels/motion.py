@@ -15,6 +15,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import body_force, is_in_air, local_vertical, pressure_loss
 from ares_models.kernels.environment import air_velocity, density, gravity
 from ares_models.kernels.sequence import SAME_TIME
+from ares_models.kernels.steering import steered_direction
 from ares_models.kernels.throttle import LIMITED, mass_after, throttle, throttle_regime
 from ares_models.kernels.thrust_curve import flow_value, start_length, start_value, tail_value
 from ares_models.kernels.vectors import (
@@ -84,7 +85,7 @@ def commanded_direction(plant: Record, arcs: NDArray[Any], t: float) -> Vector:
         held = held or arcs[plant.tail_arc].held == 1
     if held:
         return load(plant.held_direction)
-    return steered_direction(plant, t)
+    return steered_direction(plant.command, t)
 
 
 @kernel
@@ -104,15 +105,6 @@ def air_acceleration(
         net = max(0.0, thrust - pressure_loss(arc, r, environment, mission.atmosphere))
     force = body_force(arc, r, v, u, environment, mission.atmosphere)
     return axpy(net / mass, u, scale(1.0 / mass, force))
-
-
-@kernel
-def steered_direction(plant: Record, t: float) -> Vector:
-    """Return the thrust direction of the command in force at time ``t``, unit vector."""
-    command = plant.command
-    return unit(
-        axpy(t - command.reference_time, load(command.direction_rate), load(command.direction))
-    )
 
 
 @kernel
@@ -241,7 +233,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     h = end - t
     arc = arcs[plant.arc]
     if arc.held == 1 and t - plant.arc_start_time <= SAME_TIME:
-        store(plant.held_direction, steered_direction(plant, t))
+        store(plant.held_direction, steered_direction(plant.command, t))
     t0 = t1 = arc.thrust
     f0 = f1 = arc.mass_flow
     if not burns_steadily(plant, arc, t):

@@ -46,7 +46,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity
 from ares_models.kernels.impact import impact_direction, impact_jacobian, outside_areas
 from ares_models.kernels.sequence import arc_after_burnout, empty_mass, mass_at_staging
-from ares_models.kernels.steering import copy_steering
+from ares_models.kernels.steering import copy_steering, steered_direction
 from ares_models.kernels.targets import perigee_radius
 from ares_models.kernels.throttle import throttle
 from ares_models.kernels.vectors import (
@@ -432,10 +432,7 @@ def choose(mission: MissionRecords, onboard: Onboard, own: Turn) -> None:
     outlook = avoid.outlook
     before, held = avoid.mode, load(avoid.direction)
     now = heading(own, onboard, nav.time)
-    last = avoid.flown
-    flown = unit(
-        axpy(nav.time - last.reference_time, load(last.direction_rate), load(last.direction))
-    )
+    flown = steered_direction(avoid.flown, nav.time)
     if not is_finite(flown):
         flown = now
     avoid.area = outlook.area

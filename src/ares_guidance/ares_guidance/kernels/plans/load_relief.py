@@ -13,6 +13,7 @@ from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.aerodynamics import air_at, shares_of_force
 from ares_models.kernels.environment import air_velocity, altitude, density, gravity
+from ares_models.kernels.steering import steered_direction
 from ares_models.kernels.vectors import Vector, add, axpy, dot, load, norm, scale, store, sub, unit
 
 #: Greatest turn from the programme, rad.
@@ -61,9 +62,7 @@ def estimate_wind(mission: MissionRecords, onboard: Onboard) -> None:
     half = 0.5 * since
     v = axpy(-half, add(sensed, gravity(load(nav.position), environment)), load(nav.velocity))
     r = axpy(-half, v, load(nav.position))
-    sent = programme.sent
-    late = nav.time - half - sent.reference_time
-    axis = unit(axpy(late, load(sent.direction_rate), load(sent.direction)))
+    axis = steered_direction(programme.sent, nav.time - half)
     mass = 0.5 * (programme.last_mass + nav.mass)
     felt = scale(mass, axpy(-dot(sensed, axis), axis, sensed))
     air = air_at(altitude(r, environment), environment, mission.atmosphere)

@@ -196,15 +196,17 @@ def given_attitude(mission: MissionRecords, onboard: Onboard) -> tuple[Vector, V
 
 
 @kernel
-def planned_attitude(mission: MissionRecords, onboard: Onboard, at: float) -> tuple[Vector, Vector]:
+def planned_attitude(
+    mission: MissionRecords, onboard: Onboard, first: int, last: int, at: float
+) -> tuple[Vector, Vector]:
     """Return direction and rate, 1/s, of the thrust as planned off line, with its load relief.
 
     Args:
         mission, onboard: as in :func:`flies_programme`.
+        first, last: knots at the begin and end of the present arc.
         at: planned time, s.
     """
     programme = onboard.state.programme
-    first, last = knots_of(programme, onboard.navigation.arc)
     k = first
     while k + 1 < last and programme.time[k + 1] <= at:
         k += 1
@@ -249,7 +251,7 @@ def flies_programme(mission: MissionRecords, onboard: Onboard) -> bool:
             programme.over = 1
             return False
         at = planned_time(programme, first, last, nav, speed, burns)
-        direction, rate = planned_attitude(mission, onboard, at)
+        direction, rate = planned_attitude(mission, onboard, first, last, at)
     programme.active = 1
     steering = onboard.steering
     steering.reference_time = nav.time
