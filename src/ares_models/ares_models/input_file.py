@@ -379,8 +379,14 @@ _UNITS = {
     "_h": "h",
 }
 
-#: Errors of a whole block.
-_NOT_THE_BLOCK = ("missing", "model_type", "model_attributes_type", "tuple_type")
+#: Errors of a whole block, or of a key of another form.
+_NOT_THE_BLOCK = (
+    "missing",
+    "model_type",
+    "model_attributes_type",
+    "tuple_type",
+    "extra_forbidden",
+)
 
 _EXPECTED: dict[str, str] = {
     "float_type": "a number",
@@ -452,8 +458,8 @@ def explain(
         item: element of ``ValidationError.errors()``.
         lines: line of every key path, from :func:`read_input`.
         siblings: function that returns the known keys of the mapping around a location.
-        blocks: what is expected in place of a whole block that is missing or of another kind, by
-            key path.
+        blocks: what is expected in place of a whole block that is missing or of another kind, or of
+            a key of another form, by key path.
     """
     kind = item["type"]
     context: dict[str, Any] = item.get("ctx", {})
@@ -481,7 +487,7 @@ def explain(
     block = (blocks or {}).get(name) if kind in _NOT_THE_BLOCK else None
     line = _line(place, lines)
     where = f"line {line}: " if line else ""
-    if kind == "extra_forbidden":
+    if kind == "extra_forbidden" and not block:
         known = siblings(item["loc"])
         close = _meant(str(place[-1]), known)
         hint = f"did you mean {close}?" if close else "known are " + ", ".join(known)

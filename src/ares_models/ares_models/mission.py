@@ -496,7 +496,7 @@ _FORMS: dict[str, type[Part]] = {
     "<orbit>": TargetOrbit,
 }
 
-#: What an error message names where a whole block is missing, by key path.
+#: What an error message names where a whole block is missing or a key is of another form, by path.
 _BLOCKS = {
     "environment": "a mapping with mu_m3_s2, earth and atmosphere",
     "environment.earth": (
@@ -504,6 +504,10 @@ _BLOCKS = {
     ),
     "environment.atmosphere": "a mapping with model, such as us76 or none",
     "initial_state": EXPECTED_START,
+    "initial_state.hold_down_s": (
+        "no such key here: it belongs to a start at rest on the ground, which is by "
+        "geodetic_latitude_deg, longitude_deg and altitude_m alone"
+    ),
     "stages": (
         "a list, each with name, dry_mass_kg, propellant_kg, thrust_n, isp_s and burn_time_s, or "
         "arcs in place of the last three"

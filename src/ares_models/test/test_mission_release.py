@@ -121,8 +121,13 @@ def test_a_hold_that_leaves_no_burn_is_refused(hold_s, expected):
 
 
 def test_a_flight_that_does_not_begin_on_the_pad_is_not_held():
-    with pytest.raises(MissionError, match=r"initial_state\.hold_down_s is not a known key"):
-        held("ares_v", 1.0)
+    expected = (
+        "initial_state.hold_down_s is 1.0; expected no such key here: it belongs to a start at "
+        "rest on the ground, which is by geodetic_latitude_deg, longitude_deg and altitude_m alone"
+    )
+    for name in ("ares_v", "apollo11_ascent", "geostationary_burn"):
+        with pytest.raises(MissionError, match=expected):
+            held(name, 1.0)
     assert load_mission("delta_iii_pad").initial_state.held_s == 0.0
 
 
