@@ -9,6 +9,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
+from ares_models.input_file import Nothing
 from ares_models.json_schema import json_schema
 from ares_models.mission import Mission
 from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
@@ -41,9 +42,18 @@ def finite(value):
     return not isinstance(value, float) or math.isfinite(value)
 
 
+def as_read(value):
+    """Return a value of a file as its reader does."""
+    if isinstance(value, dict):
+        return {key: as_read(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [as_read(one) for one in value]
+    return Nothing() if value is None else value
+
+
 def loads(kind, data):
     try:
-        MODELS[kind].model_validate(data)
+        MODELS[kind].model_validate(as_read(data))
     except ValidationError:
         return False
     return True
@@ -75,6 +85,7 @@ def test_nothing_is_refused_that_a_loader_takes(kind, every):
     [
         (MISSION, "delta_iii", {"stages": []}, "should be non-empty"),
         (MISSION, "delta_iii", {"nmae": "x"}, "'nmae' was unexpected"),
+        (MISSION, "delta_iii", {"payload_kg": None}, "None is not of type 'number'"),
         (MISSION, "delta_iii", {"target": {"at": "perigee", "where": 1}}, "not valid under any"),
         (DISPERSIONS, "standard", {"thrust": 0.3}, "not valid under any"),
         (DISPERSIONS, "standard", {"draws": "dice"}, "'dice' is not one of"),

@@ -23,6 +23,11 @@ MAX_DEPTH = 32
 #: Longest text of a file or an option that an error message repeats.
 _SHOWN = 60
 
+
+class Nothing:
+    """Stand for an empty value, which no key takes, not even one that may be left out."""
+
+
 #: Keys and list indices from the top of the file to a value.
 KeyPath = tuple[str | int, ...]
 
@@ -155,7 +160,7 @@ def format_value(value: object) -> str:
         return "a mapping"
     if isinstance(value, (list, tuple)):
         return "an empty list" if not value else f"a list of {len(value)}"
-    if value is None:
+    if value is None or isinstance(value, Nothing):
         return "empty"
     if isinstance(value, bool):
         return str(value).lower()
@@ -350,7 +355,7 @@ def _scalar(node: yaml.ScalarNode) -> object:
     if node.style is not None:
         return text
     if text in ("", "~", "null", "Null", "NULL"):
-        return None
+        return Nothing()
     if text in ("true", "True", "TRUE"):
         return True
     if text in ("false", "False", "FALSE"):

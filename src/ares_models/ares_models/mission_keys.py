@@ -197,13 +197,8 @@ def not_there(value: object) -> bool:
 
 
 def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:
-    """Build the JSON schema of a mapping with the non-empty keys of exactly one form."""
-    filled = {"not": {"type": "null"}}
-    return {
-        "oneOf": [
-            {"required": list(form), "properties": dict.fromkeys(form, filled)} for form in forms
-        ]
-    }
+    """Build the JSON schema of a mapping with the keys of exactly one form."""
+    return {"oneOf": [{"required": list(form)} for form in forms]}
 
 
 def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[Any], str | None]:

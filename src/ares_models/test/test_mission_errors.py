@@ -224,6 +224,18 @@ BROKEN = {
         "target.radius_m",
         "is empty; expected a number in m",
     ),
+    "empty value of a key that may be left out": (
+        "  g0_m_s2: 9.80665",
+        "  g0_m_s2:",
+        "environment.g0_m_s2",
+        "is empty; expected a number in m/s2",
+    ),
+    "empty block that may be left out": (
+        "initial_state:",
+        "aerodynamics:\ninitial_state:",
+        "aerodynamics",
+        "is empty; expected a mapping with keys such as reference_area_m2",
+    ),
     "list for a mapping": (
         "  atmosphere:\n    model: pra63 ",
         "  atmosphere: [1, 2] ",

@@ -15,6 +15,10 @@ def test_of_a_shipped_mission_nothing_is_said(name):
     assert file_warnings(name) == []
 
 
+#: Stands for a key that is left out.
+ABSENT = object()
+
+
 def changed(tmp_path, changes, base=TEMPLATE):
     """Write a mission with changed values, by key path, to a file."""
     data, _ = read_input(MISSION.find(base), MISSION)
@@ -23,7 +27,10 @@ def changed(tmp_path, changes, base=TEMPLATE):
         at = data
         for key in way:
             at = at[key]
-        at[last] = value
+        if value is ABSENT:
+            del at[last]
+        else:
+            at[last] = value
     file = tmp_path / "doubtful.yaml"
     file.write_text(yaml.safe_dump(data))
     return file
@@ -153,12 +160,12 @@ WITH_BOOSTERS = {
     ),
     "thrust of all with an Isp": (
         "soyuz_sso_pad",
-        {"thrust_n": 4.0 * 1_021_300.0, "isp_s": 319.0, "burn_time_s": None},
+        {"thrust_n": 4.0 * 1_021_300.0, "isp_s": 319.0, "burn_time_s": ABSENT},
         "thrust_n lifts one with 92 m/s2 at ignition; is it of one booster, not of all 4?",
     ),
     "thrust of both with an Isp": (
         "ariane5_eca_pad",
-        {"thrust_n": 1.4e7, "isp_s": 274.5, "thrust_table": None},
+        {"thrust_n": 1.4e7, "isp_s": 274.5, "thrust_table": ABSENT},
         "thrust_n with all that burns makes 38 m/s2 at lift-off; is it of one booster, not of",
     ),
     "table of both": (
@@ -168,7 +175,7 @@ WITH_BOOSTERS = {
     ),
     "Isp times ten": (
         "soyuz_sso_pad",
-        {"thrust_n": 1.1e7, "isp_s": 3_190.0, "burn_time_s": None},
+        {"thrust_n": 1.1e7, "isp_s": 3_190.0, "burn_time_s": ABSENT},
         "isp_s is 3190 s; chemical engines have 61 to 500 s",
     ),
 }
