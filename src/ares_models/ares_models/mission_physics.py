@@ -113,13 +113,15 @@ def check_lift_off(mission: "Mission") -> None:
     r = tuple(start.position.tolist())
     ambient = pressure_loss(first, r, environment, arrays.atmosphere)
     fraction = start_value(first, 0.0) if first["tabled"] else 1.0
-    net = float(fraction * first["thrust"]) - ambient
+    vacuum = float(fraction * first["thrust"])
+    net = vacuum - ambient
     weight = start.mass_kg * math.hypot(*gravity(r, environment))
     if net > weight:
         return
     expected = (
-        f"more thrust than weight at lift-off, {weight:,.0f} N; the air of the pad takes "
-        f"{ambient:,.0f} N from it (exit_area_m2) and leaves {max(0.0, net):,.0f} N"
+        f"more thrust than weight at lift-off: {max(0.0, net):,.0f} N at the air pressure of the "
+        f"pad ({vacuum:,.0f} N in vacuum, {ambient:,.0f} N less by exit_area_m2), weight "
+        f"{weight:,.0f} N, ratio {max(0.0, net) / weight:.2f}"
     )
     late = [one for one in mission.stages[0].boosters if one.ignition_s > 0.0]
     if late:
@@ -133,10 +135,11 @@ def check_lift_off(mission: "Mission") -> None:
         # at a jump the later value holds
         knot = sum(t == 0.0 for t, _ in table or ()) - 1
         if table and table[knot][1] < max(force for _, force in table):
-            expected += "; hold_down_s of the initial_state holds the vehicle until then"
-            fail((*where, "thrust_table", knot, 1), table[knot][1], expected)
+            expected += "; the thrust rises: hold_down_s of the initial_state holds the vehicle"
+            fail((*where, "thrust_table", knot, 1), table[knot][1], f"{expected} until then")
     key = "thrust_n" if arc.thrust_table is None else "thrust_table"
-    fail((*path, key), arc.full_thrust_n, expected)
+    remedy = "" if late else "; raise the thrust or lower the mass"
+    fail((*path, key), arc.full_thrust_n, expected + remedy)
 
 
 def longest_flight(mission: "Mission") -> float:

@@ -1110,10 +1110,24 @@ _MERLIN = FALCON[FALCON.index("    thrust_n: 8227000.0") : FALCON.index("    ver
 )
 def test_a_pad_that_is_not_left_names_the_thrust_at_lift_off(tmp_path, old, new, text, key):
     said = message(edited(tmp_path, old, new, text))
-    assert f"stages[0].{key}; expected more thrust than weight at lift-off, " in said
+    assert f"stages[0].{key}; expected more thrust than weight at lift-off: " in said
     assert ("hold_down_s of the initial_state holds the vehicle until then" in said) == (
         "table" in key
     )
+    assert said.endswith("; raise the thrust or lower the mass") == ("table" not in key)
+
+
+def test_a_weak_lift_off_is_told_with_its_ratio(tmp_path):
+    said = message(edited(tmp_path, "thrust_n: 8227000.0", "thrust_n: 4e6", FALCON))
+    numbers = re.search(
+        r"lift-off: (\S+) N at the air pressure of the pad \((\S+) N in vacuum, (\S+) N less by "
+        r"exit_area_m2\), weight (\S+) N, ratio (\S+);",
+        said,
+    )
+    thrust, vacuum, less, weight, ratio = (float(x.replace(",", "")) for x in numbers.groups())
+    assert vacuum == 4e6
+    assert thrust == pytest.approx(vacuum - less, abs=1.0)
+    assert ratio == pytest.approx(thrust / weight, abs=0.005)
 
 
 def test_a_vehicle_of_solids_alone_is_told_what_flies_it(tmp_path):
