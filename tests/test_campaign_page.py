@@ -25,7 +25,7 @@ def test_flights_that_failed_stand_apart(read_file, page_of_many):
 def test_a_flight_that_is_pointed_at_is_named(open_file, page_of_many):
     page = open_file(page_of_many, "wide", "dark")
     told = page.locator(".pointed")
-    assert told.inner_text() == "Point at a way to see whose it is."
+    assert told.inner_text() == "Point at a track to see whose it is."
     page.locator(".scene canvas").scroll_into_view_if_needed()
     names = page.evaluate("globe.flights.map((flight) => flight.name)")
     name = next(name for name in names if ":" in name)
@@ -35,7 +35,7 @@ def test_a_flight_that_is_pointed_at_is_named(open_file, page_of_many):
     page.mouse.move(2, 2)
     canvas = page.locator(".scene canvas").bounding_box()
     page.mouse.move(canvas["x"] + 5, canvas["y"] + canvas["height"] - 5)
-    assert told.inner_text() == "Point at a way to see whose it is."
+    assert told.inner_text() == "Point at a track to see whose it is."
 
 
 def test_a_failure_that_is_pressed_has_its_command_copied(open_file, page_of_many):

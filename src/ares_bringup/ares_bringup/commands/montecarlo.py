@@ -477,7 +477,8 @@ def _load(name: str, load: Load) -> str:
     mean, most = (number(factor * value, decimals) for value in (load.mean, load.most))
     text = f"{label:13} mean {mean}, most {most} {unit}"
     if load.limited:
-        text += f"; {load.kept:,} within the limit, worst {100 * load.worst:.0f} %"
+        text += f"; within the limit in {load.kept:,} of {load.limited:,} flights"
+        text += f", worst {100 * load.worst:.0f} % of it"
     return text
 
 

@@ -33,6 +33,7 @@ from ares_studies.montecarlo.statistics import (
 from ares_studies.montecarlo.table import DRAWN
 from ares_studies.montecarlo.ways import ARRIVED, FAILED, NOMINAL
 from ares_studies.pages.parts import (
+    BLANK,
     Axis,
     Cell,
     Chapter,
@@ -263,39 +264,44 @@ def _failures_text(summary: Summary) -> str:
 
 
 def _masses(summary: Summary) -> PageTable:
+    """Make a row of each quantity and a column of each statistic that is known of one."""
     tally, reserve = summary.tally, summary.reserve
-    rows = []
-    intervals = tally.mass_intervals()
-    for label, value, (low, high) in zip(
-        ("final mass, mean, kg", "final mass, standard deviation, kg"),
-        tally.mass(),
-        intervals,
-        strict=True,
-    ):
-        interval = f"{number(low, 1).text} to {number(high, 1).text}"
-        rows.append(Row(label, (number(value, 1), word(interval))))
-    rows.append(Row("final mass, least, kg", (number(tally.least, 1), word(""))))
-    rows.append(Row("final mass, most, kg", (number(tally.most, 1), word(""))))
-    bound = "with 90 % confidence"
-    if not math.isfinite(reserve.used_kg):
-        bound = f"takes {reserve.needed} flights" if tally.n < reserve.needed else "no bound"
-    rows.append(
-        Row("propellant for 99.7 % of flights, kg", (number(reserve.used_kg, 0), word(bound)))
+    none = word("")
+    mean, deviation = (
+        replace(number(value, 1), below=f"{number(low, 1).text} to {number(high, 1).text}")
+        for value, (low, high) in zip(tally.mass(), tally.mass_intervals(), strict=True)
     )
-    rows.append(
-        Row("of it beyond the nominal flight, kg", (number(reserve.reserve_kg, 0), word("")))
-    )
+    ends = number(tally.least, 1), number(tally.most, 1)
+    rows = [Row("final mass, kg", (mean, deviation, *ends, none, none))]
+    finding = f"In small print below a number: its {100 * CONFIDENCE:.0f} % interval. "
+    if tally.n < reserve.needed:
+        finding += f"A bound on 99.7 % of all flights takes {reserve.needed} flights."
+    else:
+        finding += "The bound on 99.7 % of all flights is one with 90 % confidence."
+        beyond = f"{number(reserve.reserve_kg, 0).text} over nominal"
+        if not math.isfinite(reserve.used_kg):
+            beyond = "none: too many flights did not arrive"
+        used = replace(number(reserve.used_kg, 0), below=beyond)
+        title, unit, _ = RESULT_NAMES["propellant_used_kg"]
+        rows.append(Row(f"{title}, {unit}", (none, none, none, none, used, none)))
     for name, load in summary.loads.items():
         title, unit, decimals = RESULT_NAMES[name]
-        rows.append(Row(f"{title}, mean, {unit}", (number(load.mean, decimals), word(""))))
-        sure = "with 90 % confidence"
-        if not math.isfinite(load.bound):
-            sure = f"takes {reserve.needed} flights"
-        rows.append(Row("of 99.7 % of flights", (number(load.bound, decimals), word(sure))))
-        kept = f"limit kept in {load.kept:,} flights" if load.limited else "no limit"
-        rows.append(Row("most", (number(load.most, decimals), word(kept))))
-    columns = (Column("value"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
-    return PageTable(columns, tuple(rows))
+        average, most, bound = (number(one, decimals) for one in (load.mean, load.most, load.bound))
+        kept = f"{load.kept:,}\u00a0of\u00a0{load.limited:,}" if load.limited else "no limit"
+        rows.append(Row(f"{title}, {unit}", (average, none, none, most, bound, word(kept))))
+    titles = (
+        "mean",
+        "standard deviation",
+        "least",
+        "greatest",
+        "bound on 99.7 %",
+        "flights within limit",
+    )
+    known = [
+        k for k in range(len(titles)) if any(row.cells[k].text not in ("", BLANK) for row in rows)
+    ]
+    rows = [replace(row, cells=tuple(row.cells[k] for k in known)) for row in rows]
+    return PageTable(tuple(Column(titles[k]) for k in known), tuple(rows), finding)
 
 
 def _results_text(summary: Summary) -> str:

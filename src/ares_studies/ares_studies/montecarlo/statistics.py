@@ -36,6 +36,7 @@ SAMPLE = GROUP
 WORST = 5
 #: Most failed flights kept, for their tracks and marks.
 FAILED = 30
+#: Most bins of a histogram; of fewer flights it has the square root of their number.
 BINS = 80
 #: Most by which a histogram extends beyond the successful flights on either side, as a fraction.
 NEAR = 0.25
@@ -421,20 +422,21 @@ def _widen(spans: dict[str, Interval], name: str, values: Array) -> None:
         spans[name] = (min(low, float(values.min())), max(high, float(values.max())))
 
 
-def _edges(every: Interval, good: Interval) -> Array:
+def _edges(every: Interval, good: Interval, bins: int) -> Array:
     """Compute the bin edges of a quantity from its spans."""
     width = good[1] - good[0]
     low = every[0] if every[0] >= good[0] - NEAR * width else good[0]
     high = every[1] if every[1] <= good[1] + NEAR * width else good[1]
-    return np.linspace(low, high if high > low else low + 1.0, BINS + 1)
+    return np.linspace(low, high if high > low else low + 1.0, bins + 1)
 
 
 def _histograms(file: Any, gathered: _Gathered) -> dict[str, Histogram]:
     spans = gathered.spans
+    bins = min(BINS, math.ceil(math.sqrt(gathered.tally.n)))
     found = {}
     for name, every in spans.items():
-        edges = _edges(every, gathered.good_spans.get(name, every))
-        found[name] = Histogram(edges, np.zeros(BINS, np.int64), np.zeros(BINS, np.int64), 0, 0)
+        edges = _edges(every, gathered.good_spans.get(name, every), bins)
+        found[name] = Histogram(edges, np.zeros(bins, np.int64), np.zeros(bins, np.int64), 0, 0)
     for group in range(file.num_row_groups):
         table = file.read_row_group(group, columns=[*spans, "succeeded"])
         good = table["succeeded"].to_numpy()
