@@ -109,7 +109,12 @@ def test_chunks_add_up_and_what_does_not_come_down_counts_nothing(falcon):
     assert found(falcon) == found(falcon, pa.table({"flight": [1]})) == ()
     (single,) = found(falcon, table_of([28.0], [-72.0]))
     assert math.isnan(single.major_km) and single.outline() == []
-    assert single.words == "first stage: down at 28.00 N 72.00 W in 1 flights"
+    assert single.words == "first stage: down at 28.00 N 72.00 W, mean of 1 flight"
+    assert whole.words == (
+        f"first stage: down at {whole.place}, mean of 49 flights; 99 % ellipse: semi-major axis "
+        f"{whole.major_km:,.1f} km, semi-minor axis {whole.minor_km:,.1f} km, major axis "
+        f"{whole.azimuth_deg:.0f} deg from north to east"
+    )
 
 
 def test_the_outline_lies_on_the_ellipse(falcon):

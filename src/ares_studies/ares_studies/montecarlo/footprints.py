@@ -58,12 +58,14 @@ class Footprint:
     @property
     def words(self) -> str:
         """Describe mean and ellipse."""
-        told = f"{self.name}: down at {self.place} in {self.flights:,} flights"
+        flights = f"{self.flights:,} {'flights' if self.flights > 1 else 'flight'}"
+        told = f"{self.name}: down at {self.place}, mean of {flights}"
         if math.isnan(self.major_km):
             return told
         return (
-            f"{told}, {100 * SHARE:g} % within {self.major_km:,.1f} by {self.minor_km:,.1f} km "
-            f"about it, the longer axis at {self.azimuth_deg:.0f} deg"
+            f"{told}; {100 * SHARE:g} % ellipse: semi-major axis {self.major_km:,.1f} km, "
+            f"semi-minor axis {self.minor_km:,.1f} km, major axis {self.azimuth_deg:.0f} deg from "
+            "north to east"
         )
 
     def ellipse(self) -> Array:
