@@ -17,7 +17,8 @@ def test_flights_that_failed_stand_apart(read_file, page_of_many):
     assert failed < 120
     assert roles.count("here") == 20
     key = page.locator(".key.ways li").all_inner_texts()
-    assert key == ["arrived (20)", f"failed ({failed})", "the nominal flight"]
+    pieces = "where pieces come down, 99 % ellipse (2)"
+    assert key == ["arrived (20)", f"failed ({failed})", "the nominal flight", pieces]
     bars = page.locator("#figure-1 .legend button").all_inner_texts()
     assert bars == ["success", "failure", "each failure"]
 

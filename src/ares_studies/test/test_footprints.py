@@ -16,9 +16,11 @@ from ares_studies.montecarlo.engines import fly_here
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.footprint_page import footprint_items
 from ares_studies.montecarlo.footprints import REACH, SHARE, Footprints
+from ares_studies.montecarlo.report import make_report
 from ares_studies.montecarlo.statistics import summarize
 from ares_studies.montecarlo.store import SETTINGS, Store, StoreError
 from ares_studies.montecarlo.table import make_table
+from ares_studies.montecarlo.ways import make_ways
 from ares_vehicle_sim.dispersions import Dispersions, DispersionsError, load_dispersions
 
 PIECES = ("first stage", "fairing")
@@ -112,8 +114,8 @@ def test_chunks_add_up_and_what_does_not_come_down_counts_nothing(falcon):
     assert single.words == "first stage: down at 28.00 N 72.00 W, mean of 1 flight"
     assert whole.words == (
         f"first stage: down at {whole.place}, mean of 49 flights; 99 % ellipse: semi-major axis "
-        f"{whole.major_km:,.1f} km, semi-minor axis {whole.minor_km:,.1f} km, major axis "
-        f"{whole.azimuth_deg:.0f} deg from north to east"
+        f"{whole.major_km:,.1f} km, semi-minor axis {whole.minor_km:,.1f} km, azimuth of the "
+        f"major axis {whole.azimuth_deg:.0f} deg from north"
     )
 
 
@@ -172,6 +174,11 @@ def test_a_campaign_tells_and_draws_its_footprints(windy, tmp_path):
     assert [len(item.content.series[0].x) for item in figures] == [40, 40]
     assert figures[0].content.series[-1].name == "99 %"
     assert not any("ballistic" in one.name for one in summary.influences["m_f_kg"])
+    globe = make_ways(windy, [], {}, summary.footprints)
+    assert [len(area) for area in globe.areas] == [146, 146]
+    assert globe.areas[1][:2] == pytest.approx(fairing.outline()[0][::-1], abs=1e-3)
+    report = make_report(windy, summary, {}, "", {}, globe)
+    assert report.globe_key[-1] == ("where pieces come down, 99 % ellipse", "otis", 2, "line")
     document = ElementTree.fromstring(footprints_kml("title", summary.footprints))
     marks = list(document.iter("{http://www.opengis.net/kml/2.2}Placemark"))
     for footprint, mark in zip(summary.footprints, marks, strict=True):

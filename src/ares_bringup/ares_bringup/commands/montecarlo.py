@@ -326,7 +326,7 @@ def _write_report(
         "guidance cycle": f"{settings.law_settings.cycle_period_s:g} s",
         "file": str(store.flights.absolute()),
     }
-    globe = make_ways(settings, sampled(summary), summary.failed)
+    globe = make_ways(settings, sampled(summary), summary.failed, summary.footprints)
     page = render(make_report(settings, summary, facts, options.command("fly"), reached, globe))
     path = store.folder / REPORT
     write_whole(path, page.encode())

@@ -11,7 +11,7 @@ from typing import Any
 from ares_models.judge import End
 from ares_studies.aborts.abort_map import ACCURACY, AbortMap, AbortPoint, MapRow
 from ares_studies.aborts.ends import Reached
-from ares_studies.flight_page.globe import Globe, spot, way_beside_others
+from ares_studies.flight_page.globe import Globe, ring, spot, way_beside_others
 from ares_studies.flight_page.land import land_on
 from ares_studies.pages.parts import (
     Axis,
@@ -447,12 +447,7 @@ def _globe(made: AbortMap) -> Globe:
         land=land_on(made.mission.environment.earth.equatorial_radius_m),
         ends=("",) * len(flights),
         nearest=_NEAREST,
-        areas=tuple(
-            tuple(
-                round(angle, 2) for latitude, longitude in ring for angle in (longitude, latitude)
-            )
-            for ring in made.areas.values()
-        ),
+        areas=tuple(map(ring, made.areas.values())),
     )
 
 

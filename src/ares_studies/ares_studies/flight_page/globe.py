@@ -70,7 +70,8 @@ class Globe:
         land: rings of alternating longitude and latitude, deg; empty unless the body is the Earth.
         ends: label of the last mark of each flight.
         nearest: largest initial zoom; 1: the whole globe.
-        areas: outlines of the areas that impacts must avoid, as `land`.
+        areas: outlines of areas, as `land`.
+        areas_role: sets their colour.
         falls: ways of what was dropped to where it comes down.
     """
 
@@ -79,6 +80,7 @@ class Globe:
     ends: tuple[str, ...]
     nearest: float = 1.0
     areas: tuple[tuple[float, ...], ...] = ()
+    areas_role: Role = "thesis"
     falls: tuple[GlobeFlight, ...] = ()
 
     def key(self, kinds: Iterable[tuple[str, Role]]) -> list[tuple[str, Role, int, Shape]]:
@@ -152,6 +154,11 @@ def spot(name: str, role: Role, latitude_deg: float, longitude_deg: float) -> Gl
         impact_longitude_deg=(),
         faint=True,
     )
+
+
+def ring(outline: Iterable[tuple[float, float]]) -> tuple[float, ...]:
+    """Make an outline for the globe from latitudes and longitudes, deg."""
+    return tuple(round(angle, 3) for place in outline for angle in reversed(place))
 
 
 def make_globe(

@@ -50,7 +50,13 @@ def _table(summary: Summary) -> Item:
         )
         for footprint in summary.footprints
     )
-    titles = ("flights", "mean", "semi-major axis, km", "semi-minor axis, km", "azimuth, deg")
+    titles = (
+        "flights",
+        "mean",
+        "semi-major axis, km",
+        "semi-minor axis, km",
+        "azimuth from north, deg",
+    )
     finding = "In footprints.kml beside this page too."
     table = PageTable(tuple(map(Column, titles)), rows, finding)
     return Item("", "table", "", f"Mean places and {100 * SHARE:g} % ellipses", "", table)

@@ -64,8 +64,8 @@ class Footprint:
             return told
         return (
             f"{told}; {100 * SHARE:g} % ellipse: semi-major axis {self.major_km:,.1f} km, "
-            f"semi-minor axis {self.minor_km:,.1f} km, major axis {self.azimuth_deg:.0f} deg from "
-            "north to east"
+            f"semi-minor axis {self.minor_km:,.1f} km, azimuth of the major axis "
+            f"{self.azimuth_deg:.0f} deg from north"
         )
 
     def ellipse(self) -> Array:

@@ -31,7 +31,7 @@ from ares_studies.montecarlo.statistics import (
     Summary,
 )
 from ares_studies.montecarlo.table import DRAWN
-from ares_studies.montecarlo.ways import ARRIVED, FAILED, NOMINAL
+from ares_studies.montecarlo.ways import ARRIVED, FAILED, FOOTPRINTS, NOMINAL
 from ares_studies.pages.parts import (
     BLANK,
     Axis,
@@ -153,7 +153,10 @@ class CampaignReport:
     @property
     def globe_key(self) -> list[tuple[str, Role, int, Shape]]:
         """Return labels, colours, numbers and shapes of the flights on the globe."""
-        return self.globe.key((ARRIVED, FAILED, NOMINAL))
+        key = self.globe.key((ARRIVED, FAILED, NOMINAL))
+        if self.globe.areas:
+            key.append((*FOOTPRINTS, len(self.globe.areas), "line"))
+        return key
 
     @property
     def globe_text(self) -> str:

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Repeat some flights of a campaign for the tracks on its globe."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
 
 from ares_studies.closed_loop import ready_law
-from ares_studies.flight_page.globe import Globe, GlobeFlight, way_beside_others
+from ares_studies.flight_page.globe import Globe, GlobeFlight, ring, way_beside_others
 from ares_studies.flight_page.land import land_on
 from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.footprints import SHARE, Footprint
 from ares_studies.montecarlo.statistics import Summary
 from ares_studies.pages.parts import Role
 from ares_vehicle_sim.dispersions import Dispersions
@@ -25,6 +26,8 @@ NEAREST = 5.0
 ARRIVED: tuple[str, Role] = ("arrived", "here")
 FAILED: tuple[str, Role] = ("failed", "thesis")
 NOMINAL: tuple[str, Role] = ("the nominal flight", "other")
+#: The same of the ellipses where pieces come down.
+FOOTPRINTS: tuple[str, Role] = (f"where pieces come down, {100 * SHARE:g} % ellipse", "otis")
 
 
 def sampled(summary: Summary) -> list[int]:
@@ -35,13 +38,19 @@ def sampled(summary: Summary) -> list[int]:
     return [int(flight) for flight in arrived[chosen]]
 
 
-def make_ways(settings: Settings, flights: Iterable[int], failures: Mapping[int, str]) -> Globe:
+def make_ways(
+    settings: Settings,
+    flights: Iterable[int],
+    failures: Mapping[int, str],
+    footprints: Sequence[Footprint] = (),
+) -> Globe:
     """Make the globe of a campaign.
 
     Args:
         settings: of the campaign.
         flights: successful flights.
         failures: failed flights with their reasons.
+        footprints: of what comes down.
     """
     refly = _Refly(settings)
     # the first one is drawn behind the others
@@ -53,6 +62,8 @@ def make_ways(settings: Settings, flights: Iterable[int], failures: Mapping[int,
         land=land_on(settings.mission.environment.earth.equatorial_radius_m),
         ends=("",) * len(shown),
         nearest=NEAREST,
+        areas=tuple(ring(outline) for one in footprints if (outline := one.outline())),
+        areas_role=FOOTPRINTS[1],
     )
 
 

@@ -188,7 +188,6 @@ class Globe {
     this.fillLand();
     this.strokes(this.lines, colours.edge, 0.7);
     this.strokes(this.land, colours.quiet, 0.9, [], true);
-    this.strokes(this.areas, colours.thesis, 1.6, [], true);
     pen.beginPath();
     pen.arc(this.x, this.y, this.radius, 0, 2 * Math.PI);
     pen.strokeStyle = colours.edge;
@@ -199,6 +198,7 @@ class Globe {
       if (!flight.faint) this.strokes([flight.ground], colours.quiet, 1.2);
     }
     this.ways(false);
+    this.strokes(this.areas, colours[EARTH.areas_role], 1.6, [], true);
     this.words = [];
     this.flights.forEach((flight, i) => this.marks(flight, EARTH.ends[i]));
     for (const fall of this.falls) {
