@@ -231,7 +231,7 @@ CAUSES = {
     ),
     "a target out of reach": Cause(
         2,
-        ("finds no way from the start of the mission to its target",),
+        ("finds no steering from the start of the mission to its target",),
         mission=short_burn(**{"target.radius_m": 7.4e6}),
         bag=False,
         alike=True,

@@ -120,7 +120,7 @@ def shared_plan() -> Iterator[None]:
 
 
 def asks_for_plan(mission: "Mission", law: str) -> bool:
-    """Return whether a law flies a mission by a plan only because it finds no way without one.
+    """Return whether a law flies a mission by a plan only because it finds no steering without.
 
     Raises:
         CannotStart: the law cannot fly it; one line.

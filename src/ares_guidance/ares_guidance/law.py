@@ -136,7 +136,7 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
     """
     if not needs_plan(arrays.arcs, arrays.target[0], arrays.environment[0]):
         return (
-            f"law is {law!r}, which finds no way from the start of the mission to its target "
+            f"law is {law!r}, which finds no steering from the start of the mission to its target "
             f"without a plan, and there is none: {reason}"
         )
     return (
@@ -270,7 +270,7 @@ class Law:
 
         Returns:
             index of the last arc of the leg; propellant beyond the plan as a fraction of the mass
-            at the end of the leg, inf if the law finds no way.
+            at the end of the leg, inf if the law finds no steering.
         """
         for share in (SLOWER, 1.0):
             last, late = self._first_answer(plan, programme, share)

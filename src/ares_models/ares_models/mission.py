@@ -162,7 +162,7 @@ class Mission(Part):
         exclude_if=not_there,
         description="attitude from the start on, in place of a planned one",
     )
-    jettisons: tuple[Jettison, ...] = Field(default=(), description="what is dropped on the way")
+    jettisons: tuple[Jettison, ...] = Field(default=(), description="what is dropped in flight")
     target: Target = Field(description="where to: a point of an orbit, or an orbit by its elements")
 
     abort: AbortPart | None = Field(

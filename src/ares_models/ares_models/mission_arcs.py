@@ -124,7 +124,7 @@ def sides(curve: Sequence[tuple[float, float]], t: float) -> tuple[float, float]
 class EngineOut(Part):
     """Hold an engine loss during a burn; the others burn the remaining propellant."""
 
-    time_after_ignition_s: Duration = Field(description="engines are lost on the way, then")
+    time_after_ignition_s: Duration = Field(description="when engines are lost")
     engines: Annotated[int, Range(2, 100)] = Field(description="of so many")
     lost: Annotated[int, Range(1, 99)] = Field(default=1, description="so many")
 

@@ -40,7 +40,9 @@ def test_the_optimal_law_flies_them_by_a_plan(name, mission, fly):
 
 @pytest.mark.parametrize("law", ["peg", "igm"])
 def test_other_laws_name_the_one_that_flies_them(mission, law):
-    with pytest.raises(FindsNoWay, match=f"law is '{law}', which finds no way .*; try law optimal"):
+    with pytest.raises(
+        FindsNoWay, match=f"law is '{law}', which finds no steering .*; try law optimal"
+    ):
         ready_law(mission, law)
 
 

@@ -74,7 +74,7 @@ def test_a_law_that_finds_no_way_says_so_before_the_start(tmp_path):
     mission = orbit_raise(tmp_path)
     start = mission.start().navigation()
     for law in ("peg", "igm"):
-        with pytest.raises(ValueError, match=f"law is '{law}', which finds no way"):
+        with pytest.raises(ValueError, match=f"law is '{law}', which finds no steering"):
             check_law(law, mission.arrays(foreseen=True), start)
         with pytest.raises(ValueError, match=f"law is '{law}'"):
             fly_as_planned(mission, law)

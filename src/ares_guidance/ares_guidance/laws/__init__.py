@@ -72,7 +72,7 @@ def make_law(
 
 
 def asks_for_plan(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> bool:
-    """Return whether a law flies by a plan only because it finds no way without one.
+    """Return whether a law flies by a plan only because it finds no steering without.
 
     Args: as in :func:`check_law`.
 
@@ -108,7 +108,8 @@ def check_law(
     ]
     advice = f"; try law {' or '.join(others)}" if others else ", nor does any other law"
     raise FindsNoWay(
-        f"law is {name!r}, which finds no way from the start of the mission to its target{advice}"
+        f"law is {name!r}, which finds no steering from the start of the mission to its "
+        f"target{advice}"
     )
 
 

@@ -371,7 +371,7 @@ class MapMaker:
         """Solve for the plan that all flights follow, if they need one, and check the law with it.
 
         Raises:
-            ValueError: there is no plan, or the law finds no way; one line.
+            ValueError: there is no plan, or the law finds no steering; one line.
         """
         mission, name = self._mission, self._settings.law
         arrays, solution = mission.arrays(foreseen=True), None

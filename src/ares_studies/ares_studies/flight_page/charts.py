@@ -102,7 +102,7 @@ AIR: tuple[Chart, ...] = (
 CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
     (
         "Trajectory",
-        "The way of the vehicle: of a flight the truth, as the simulator published it.",
+        "The trajectory: of a flight the truth, as the simulator published it.",
         (
             Chart(
                 "Altitude",
@@ -124,7 +124,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             ),
             Chart(
                 "Ground range",
-                "Length of the way along the ground track.",
+                "Distance along the ground track.",
                 Axis("ground range", "km"),
                 lines.state("range_m", 1e-3, 2),
             ),
@@ -235,7 +235,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
     ),
     (
         "Optimality",
-        "What makes it the optimum, from the costates along the way.",
+        "What makes it the optimum, from the costates along the trajectory.",
         (
             Chart(
                 "Primer vector, size",
