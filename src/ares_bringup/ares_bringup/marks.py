@@ -11,18 +11,21 @@ from ares_vehicle_sim.arrays import ARC_ENDED, IGNITION
 if TYPE_CHECKING:
     from ares_bringup.summary import FlightSummary
 
-#: Fraction of the flight within which neighbouring labels are merged, at the last of them.
+#: Fraction of the flight within which neighbouring labels are merged, at the last of them: in a
+#: picture, and on a page, which sets labels in rows.
 NEAR_MARKS = 0.15
+NEAR_ON_PAGES = 0.01
 
 
-def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
+def apart(
+    words: Mapping[float, str], span_s: float, near: float = NEAR_MARKS
+) -> list[tuple[float, str]]:
     """Merge the labels of close instants at the last of them, so that most have room.
-
-    All labels of a group are within NEAR_MARKS of its last instant.
 
     Args:
         words: labels by instant, s.
         span_s: duration of the whole flight.
+        near: fraction of it within which all labels of a group are.
 
     Returns:
         Instants in order, each with a label that may be "".
@@ -30,7 +33,7 @@ def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
     groups: dict[float, list[str]] = {}
     last = math.inf
     for at, word in sorted(words.items(), reverse=True):
-        if not last - at < NEAR_MARKS * span_s:
+        if not last - at < near * span_s:
             last = at
         groups.setdefault(last, []).insert(0, word)
     labels = {at: ", ".join(dict.fromkeys(group)) for at, group in groups.items()}
@@ -56,10 +59,10 @@ def words_of(summary: "FlightSummary") -> dict[float, str]:
     return words
 
 
-def marks_of(summary: "FlightSummary") -> list[tuple[float, str]]:
-    """Return the instants to mark in plots of a whole flight, so that labels do not overlap."""
+def marks_of(summary: "FlightSummary", near: float = NEAR_MARKS) -> list[tuple[float, str]]:
+    """Return the instants to mark in plots of a whole flight; `near` as in `apart`."""
     words = words_of(summary)
-    return apart(words, summary.events[-1].time - summary.events[0].time) if words else []
+    return apart(words, summary.events[-1].time - summary.events[0].time, near) if words else []
 
 
 def air_marks(words: Mapping[float, str], moments: Sequence[Moment]) -> list[tuple[float, str]]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from ares_bringup.facts import MissionFacts, facts_of
 from ares_bringup.insertion import judgement, target_state
-from ares_bringup.marks import apart, marks_of
+from ares_bringup.marks import NEAR_ON_PAGES, apart, marks_of
 from ares_bringup.observed import Diagnostic, Event
 from ares_bringup.outcomes import Outcome
 from ares_bringup.report import console, facts_of_flight, print_summary
@@ -467,6 +467,14 @@ def test_close_marks_share_the_place_of_the_last_and_a_row_of_them_is_no_single_
         (75.0, "jettison"),
         (150.0, ""),
         (261.0, "jettison, staging"),
+        (924.0, "cut-off"),
+    ]
+    # a page has rows for them
+    assert apart(words | {146.0: "staging"}, 924.0, NEAR_ON_PAGES) == [
+        (75.0, "jettison"),
+        (146.0, ""),
+        (150.0, "staging, jettison"),
+        (261.0, "staging"),
         (924.0, "cut-off"),
     ]
 

@@ -27,7 +27,7 @@ from ares_bringup.commands.report import (
     recording_of,
     told_of,
 )
-from ares_bringup.marks import air_marks, apart
+from ares_bringup.marks import NEAR_ON_PAGES, air_marks, apart
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight
 from ares_bringup.whole_file import write_whole
@@ -137,7 +137,7 @@ def _account(
         },
         end="cut-off",
         events=events,
-        marks=guides(apart(words, solution.t_meco_s - solution.flown[0].start_s)),
+        marks=guides(apart(words, solution.t_meco_s - solution.flown[0].start_s, NEAR_ON_PAGES)),
         air_marks=guides(air_marks(words, moments)),
         diagnostics=(),
     )

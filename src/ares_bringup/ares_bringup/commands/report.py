@@ -11,7 +11,7 @@ from pathlib import Path
 from ares_bags.files import find_file
 from ares_bags.writer import DATE_KEY, GUIDANCE_KEY, MACHINE_KEY
 from ares_bringup.insertion import orbit_of, orbit_state
-from ares_bringup.marks import air_marks, marks_of, words_of
+from ares_bringup.marks import NEAR_ON_PAGES, air_marks, marks_of, words_of
 from ares_bringup.observed import Diagnostic
 from ares_bringup.options import CannotStart
 from ares_bringup.outcomes import Outcome
@@ -149,7 +149,7 @@ def account_of(name: str, flown: RecordedFlight, flight: DrawnFlight) -> Account
         tables=tables,
         end=ENDINGS.get(summary.outcome, "end"),
         events=summary.timeline,
-        marks=guides(marks_of(summary)),
+        marks=guides(marks_of(summary, NEAR_ON_PAGES)),
         air_marks=guides(air_marks(words_of(summary), summary.moments)),
         diagnostics=tuple(_complaints(summary.diagnostics)),
         falls=falls,

@@ -66,7 +66,7 @@ function extent(figure) {
 }
 
 const pen = document.createElement("canvas").getContext("2d");
-const ROWS = 3, ROW = 16;
+const ROWS = 5, ROW = 16;
 
 // the side of its line and the row of each word, so that none is cropped or lies over another;
 // null: there is no room for it
