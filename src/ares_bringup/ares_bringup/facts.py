@@ -27,6 +27,7 @@ class MissionFacts:
         environment: record of dtype ENVIRONMENT; None: longitude zero is unknown.
         areas: names of the areas that impacts must avoid.
         rises: indices of the arcs at whose end the vehicle leaves the vertical.
+        held_s: time from the first ignition to the release from the pad.
         mission: itself; None: not known.
     """
 
@@ -42,6 +43,7 @@ class MissionFacts:
     environment: Any = None
     areas: Sequence[str] = ()
     rises: Sequence[int] = ()
+    held_s: float = 0.0
     mission: "Mission | None" = None
 
 
@@ -63,5 +65,6 @@ def facts_of(mission: "Mission") -> MissionFacts:
         environment=None if mission.zero_longitude_deg is None else mission.environment_array()[0],
         areas=mission.area_names,
         rises=mission.vertical_rises,
+        held_s=mission.held_s,
         mission=mission,
     )

@@ -355,4 +355,5 @@ class FlightSummary:
     def event_name(self, event: Event) -> str:
         """Describe an event with the mission's names."""
         facts = self.facts
-        return event_name(event.type, event.index, facts.arcs, facts.stages, facts.jettisons)
+        names = facts.arcs, facts.stages, facts.jettisons
+        return event_name(event.type, event.index, *names, facts.held_s)

@@ -190,6 +190,11 @@ class Mission(Part):
         """Return what became of the vehicle on its pad; None: it was not held down."""
         return self._held
 
+    @property
+    def held_s(self) -> float:
+        """Return the time from the first ignition to the release from the pad, s."""
+        return self._held.time_s if self._held else 0.0
+
     @model_validator(mode="after")
     def _whole(self) -> "Mission":
         check_mission(self)

@@ -62,7 +62,12 @@ ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 
 
 def event_name(
-    kind: int, index: int, arcs: Sequence[str], stages: Sequence[str], jettisons: Sequence[str]
+    kind: int,
+    index: int,
+    arcs: Sequence[str],
+    stages: Sequence[str],
+    jettisons: Sequence[str],
+    held_s: float,
 ) -> str:
     """Describe an event.
 
@@ -72,6 +77,7 @@ def event_name(
         arcs: names of the mission's arcs.
         stages: names of its stages.
         jettisons: names of its jettisons.
+        held_s: time from the first ignition to the release from the pad, where the flight begins.
     """
     lists = {
         IGNITION: arcs,
@@ -85,7 +91,10 @@ def event_name(
     }
     name = EVENT_NAMES.get(kind, f"event {kind}")
     names = lists.get(kind, ())
-    return f"{name}: {names[index]}" if index < len(names) else name
+    text = f"{name}: {names[index]}" if index < len(names) else name
+    if kind == IGNITION and index == 0 and held_s > 0.0:
+        return f"release from the pad, {held_s:g} s after {text}"
+    return text
 
 
 @dataclass(frozen=True)

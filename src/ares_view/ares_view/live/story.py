@@ -362,14 +362,14 @@ class Story:
     def add_event(self, kind: int, index: int, moment: float, mass_kg: float) -> None:
         """Add an event: type, index, flight time, s, mass after it, kg."""
         mission = self._mission
-        names: tuple[Sequence[str], ...] = ((), (), ())
+        names: tuple[Sequence[str], Sequence[str], Sequence[str]] = ((), (), ())
         if self._mission_known:
             names = mission.arc_names, mission.stage_names, mission.jettison_names
         with self._lock:
             if len(self._events) >= MAX_EVENTS:
                 return
             self._heard.append((kind, index, moment, mass_kg))
-            text = event_name(kind, index, *names)
+            text = event_name(kind, index, *names, mission.held_s)
             self._events.append(_moment(moment, text, mass_kg, MARKS.get(kind)))
             if kind in ENDS:
                 self._update(end=EVENT_NAMES[kind])
