@@ -39,6 +39,7 @@ def check_mission(mission: "Mission") -> None:
     check_mass_forms(mission)
     check_body(mission)
     _check_free_arcs(mission)
+    _check_last_stage_stays(mission)
     check_programme(mission)
     _check_parking_orbits(mission)
     _check_curves_fit(mission)
@@ -106,6 +107,17 @@ def _check_free_arcs(mission: "Mission") -> None:
             fail((*path, "burn_time_s"), last.burn_time_s, f"free, for at least one burn{_INSTEAD}")
         instead = f"thrust_n and burn_time_s: free in its place, for at least one burn{_INSTEAD}"
         fail((*path, "thrust_table"), last.thrust_table, instead)
+
+
+def _check_last_stage_stays(mission: "Mission") -> None:
+    """Report a ballistic coefficient of the last stage, which is never dropped."""
+    coefficient = mission.stages[-1].ballistic_coefficient_kg_m2
+    if coefficient is not None:
+        fail(
+            ("stages", len(mission.stages) - 1, "ballistic_coefficient_kg_m2"),
+            coefficient,
+            "no such key in the last stage, which is not dropped",
+        )
 
 
 def _check_parking_orbits(mission: "Mission") -> None:

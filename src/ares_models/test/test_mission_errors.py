@@ -1045,6 +1045,16 @@ def test_a_coast_of_fixed_length_names_no_orbit(tmp_path):
     )
 
 
+def test_the_last_stage_has_no_ballistic_coefficient(tmp_path):
+    named = "    ballistic_coefficient_kg_m2: 120.0\n    vertical_rise_s: 8.0"
+    load_mission(edited(tmp_path, "    vertical_rise_s: 8.0", named, FALCON))
+    last = FALCON[FALCON.index("  - name: second stage") :].splitlines()[1]
+    named = f"    ballistic_coefficient_kg_m2: 120.0\n{last}"
+    assert "stages[1].ballistic_coefficient_kg_m2 is 120.0; expected no such key in the last " in (
+        message(edited(tmp_path, last, named, FALCON))
+    )
+
+
 def test_a_coast_before_the_first_burn_names_no_orbit(tmp_path):
     text = message(edited(tmp_path, "        coast_s: 13.0\n", PARK + ORBIT, GTO))
     assert (
