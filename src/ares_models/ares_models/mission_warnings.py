@@ -54,6 +54,8 @@ SAME_PLANE_DEG = 2.0
 LEAST_USED = 0.5
 #: Least floor of a coast, m; a smaller one is probably in km.
 LEAST_FLOOR = 1e3
+#: Least altitude of the last of several knots of a wind, m; smaller ones are probably in km.
+LEAST_WIND_TOP = 100.0
 #: Largest relative distance from the size of the synchronous orbit.
 SYNCHRONOUS = 1e-3
 #: Least dry mass over propellant; the lightest stages have three times as much.
@@ -126,6 +128,7 @@ def at_its_line(text: str, name_or_path: str | Path) -> str:
 def _doubts(mission: "Mission") -> Iterator[Doubt]:
     yield from _start(mission)
     yield from _held(mission)
+    yield from _wind(mission)
     yield from _loads(mission)
     for i in range(len(mission.stages)):
         yield from _stage(mission, i)
@@ -145,6 +148,16 @@ def _held(mission: "Mission") -> Iterator[Doubt]:
                 f"lets boosters {booster.name} burn for {lit_s:g} s on the pad; if they are lit at "
                 f"the release, their ignition_s is {mission.held.time_s:g}",
             )
+
+
+def _wind(mission: "Mission") -> Iterator[Doubt]:
+    """Tell of a wind by altitudes that are probably in km."""
+    knots = mission.environment.atmosphere.wind_table or ()
+    if len(knots) > 1 and knots[-1][0] < LEAST_WIND_TOP:
+        yield Doubt(
+            ("environment", "atmosphere", "wind_table"),
+            f"ends at {knots[-1][0]:g} m; are its altitudes in m?",
+        )
 
 
 def _density(mission: "Mission", altitude: float) -> float:

@@ -37,6 +37,10 @@ def changed(tmp_path, changes, base=TEMPLATE):
 
 
 SLIPS = {
+    "wind by km": (
+        {"environment.atmosphere.wind_table": [[0.0, 3.0, 1.0], [5.0, 18.0, 4.0], [20.0, 8.0, 0]]},
+        ["environment.atmosphere.wind_table ends at 20 m; are its altitudes in m?"],
+    ),
     "circle in km": (
         {"target.perigee_altitude_m": 300.0, "target.apogee_altitude_m": 300.0},
         [
@@ -210,6 +214,12 @@ def test_a_slip_is_named_with_its_line(tmp_path, slip):
 @pytest.mark.parametrize("inclination", [35.0, 98.0, 144.0])
 def test_of_a_plane_through_the_pad_nothing_is_said(tmp_path, inclination):
     file = changed(tmp_path, {"target.inclination_deg": inclination})
+    assert warnings(load_mission(file)) == []
+
+
+@pytest.mark.parametrize("knots", [[[10.0, 5.0, 0.0]], [[0.0, 5.0, 0.0], [150.0, 9.0, 0.0]]])
+def test_of_a_wind_near_the_ground_nothing_is_said(tmp_path, knots):
+    file = changed(tmp_path, {"environment.atmosphere.wind_table": knots})
     assert warnings(load_mission(file)) == []
 
 
