@@ -263,6 +263,8 @@ def test_where_stages_come_down_is_told_and_drawn(read_file, page_of_one, page_o
     assert core[0].startswith("core") and fairing[0].startswith("payload fairing")
     assert "without drag" in rows.all_inner_texts()[1]
     assert float(core[3].replace(",", "")) > 300.0
+    # a place stays on one line
+    assert core[4].count("\u00a0") == 3 and " " not in core[4]
     assert page.evaluate("globe.falls.map((fall) => fall.name)") == ["core", "payload fairing"]
     assert "falls of what is dropped" in page.locator("#globe .ways").inner_text()
     several = read_file(page_of_two, "wide", "light")

@@ -171,6 +171,7 @@ def test_a_campaign_tells_and_draws_its_footprints(windy, tmp_path):
     assert (stage.flights, fairing.flights) == (40, 40)
     table, *figures = footprint_items(summary)
     assert [row.label for row in table.content.rows] == list(PIECES)
+    assert table.content.rows[0].cells[1].text == stage.place.replace(" ", "\u00a0")
     assert [len(item.content.series[0].x) for item in figures] == [40, 40]
     assert figures[0].content.series[-1].name == "99 %"
     assert not any("ballistic" in one.name for one in summary.influences["m_f_kg"])

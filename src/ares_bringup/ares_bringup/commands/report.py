@@ -323,7 +323,7 @@ def falls_table(falls: Sequence[Fall]) -> PageTable:
         else:
             cells += [
                 parts.number(fall.impact.time_s, 1),
-                word(fall.impact.place),
+                parts.unbroken(fall.impact.place),
                 parts.number(fall.downrange_m / 1e3, 0),
                 parts.number(fall.speed_m_s, 0),
             ]

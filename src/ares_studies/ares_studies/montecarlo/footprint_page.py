@@ -17,7 +17,7 @@ from ares_studies.pages.parts import (
     Series,
     Shape,
     number,
-    word,
+    unbroken,
 )
 
 #: Most points of a scatter plot.
@@ -42,7 +42,7 @@ def _table(summary: Summary) -> Item:
             footprint.name,
             (
                 number(footprint.flights, 0),
-                word(footprint.place),
+                unbroken(footprint.place),
                 number(footprint.major_km, 1),
                 number(footprint.minor_km, 1),
                 number(footprint.azimuth_deg, 0),

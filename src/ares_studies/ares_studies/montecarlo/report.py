@@ -48,6 +48,7 @@ from ares_studies.pages.parts import (
     Shape,
     about,
     number,
+    unbroken,
     word,
 )
 from ares_studies.pages.templates import make_environment, one_line, render_report
@@ -290,8 +291,8 @@ def _masses(summary: Summary) -> PageTable:
     for name, load in summary.loads.items():
         title, unit, decimals = RESULT_NAMES[name]
         average, most, bound = (number(one, decimals) for one in (load.mean, load.most, load.bound))
-        kept = f"{load.kept:,}\u00a0of\u00a0{load.limited:,}" if load.limited else "no limit"
-        rows.append(Row(f"{title}, {unit}", (average, none, none, most, bound, word(kept))))
+        kept = unbroken(f"{load.kept:,} of {load.limited:,}" if load.limited else "no limit")
+        rows.append(Row(f"{title}, {unit}", (average, none, none, most, bound, kept)))
     titles = (
         "mean",
         "standard deviation",

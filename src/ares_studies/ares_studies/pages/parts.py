@@ -209,6 +209,11 @@ def word(text: str) -> Cell:
     return Cell(text)
 
 
+def unbroken(text: str) -> Cell:
+    """Make a cell of words that stay on one line."""
+    return word(text.replace(" ", "\u00a0"))
+
+
 def line(
     name: str,
     role: Role,
