@@ -13,12 +13,12 @@ from preparation.progress import BAR, Steps, say
 from preparation.running import announce, preparation_lock, remove
 from preparation.stamps import is_built, kernels_wanting, missing_additions, prepared_environment
 
-COMPILING = {True: "once, until they change: about 7 minutes", False: "once, about 2 minutes"}
+COMPILING = {True: "once, until they change: about 5 minutes", False: "once, about 2 minutes"}
 #: Steps of the preparation, with their duration on an idle machine of two cores, s.
 PACKAGES, ADDITIONS = "Python packages", "further packages"
 BUILDING, KERNELS = "messages", "kernels"
 LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 110.0}
-ALL_KERNELS_LENGTH = 420.0
+ALL_KERNELS_LENGTH = 320.0
 
 
 def prepare(

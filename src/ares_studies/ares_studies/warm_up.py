@@ -54,9 +54,10 @@ def compile_laws(*names: str) -> None:
 
 
 def compile_solvers() -> None:
-    """Solve by the methods of other packages and by the direct methods."""
+    """Fly by law `peg`; solve by the methods of other packages and by the direct methods."""
     from ares_optimizer.solve import solve  # a flight does without
 
+    compile_laws(PEG.name)
     # those of others first: their laws load the kernels from the cache
     for method in (*registered(GROUP), "direct11", "jump"):
         solve(load_mission("ares_v"), method)
@@ -87,7 +88,7 @@ def compile_pages() -> None:
 
 
 def compile_flights() -> None:
-    """Solve by the indirect methods, whose kernels law `optimal` uses, and fly every law."""
+    """Solve by the indirect methods, whose kernels law `optimal` uses, and fly the other laws."""
     from ares_optimizer.solve import solve
 
     # without verification, whose kernels are compiled with the direct methods
@@ -95,7 +96,7 @@ def compile_flights() -> None:
     solve(load_mission("ares_v"), "collocation")
     plan_from_pad()
     solve(load_mission("ares_v"), "closed_form", verify=False)
-    compile_laws(*law_names())
+    compile_laws(*(name for name in law_names() if name != PEG.name))
     compile_plans()
     compile_pages()
 
