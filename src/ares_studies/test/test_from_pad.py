@@ -16,6 +16,7 @@ from ares_guidance.arrays import PHASE_BOOST
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.plan import plan_of
 from ares_guidance.programme import programmes_of
+from ares_models.arrays import HEATING_LIMIT
 from ares_models.atmosphere import us76
 from ares_models.floors import floors_of
 from ares_models.judge import End
@@ -546,6 +547,19 @@ def test_a_solid_first_stage_is_planned_and_flown():
     assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=3e-3)
 
 
+def test_a_drop_is_first_guessed_off_the_knots_of_a_thrust_table():
+    mission = solid_first_stage()
+    arrays, start = mission.arrays(), mission.start().navigation()
+    arrays.jettisons["criterion"], arrays.jettisons["stage"] = HEATING_LIMIT, 0
+    pilot = Pilot(arrays, start, floors_of(arrays, start))
+    for at in (140.0, 140.2, 150.0):
+        times = FreeTimes(np.zeros(0), 500.0, np.array([at]))
+        moved = times._replace(drops=pilot.inside(times, times.drops.copy()))
+        assert 0.2 < moved.drops[0] - at <= 0.5
+        program = CollocationProgram(arrays, start, moved)
+        assert list(program.heating_rows) == [0]
+
+
 def test_a_drop_within_a_free_burn_makes_it_last_so_long():
     two_burns = SMALL.format(thrust=800000.0).replace(
         "burn_time_s: free}",
@@ -562,7 +576,7 @@ def test_a_drop_within_a_free_burn_makes_it_last_so_long():
 
 @pytest.mark.trial
 @pytest.mark.parametrize(
-    "seed", [1, 9, 26, 28, 30, 71000, 71006, 71008, 71013, 71035, 71036, 80011]
+    "seed", [1, 9, 26, 28, 30, 71000, 71006, 71008, 71013, 71035, 71036, 80011, 90005]
 )
 def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
     mission = random_launcher(seed)

@@ -30,10 +30,11 @@ from ares_models.kernels.environment import altitude
 from ares_models.kernels.judging import judged_by
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.transcription import FreeTimes
+from ares_optimizer.collocation.transcription import FreeTimes, segments_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import free_arcs, longest_burn, waiting_for_heating
+from ares_optimizer.results import SAME_LENGTH
 
 Array = NDArray[np.float64]
 _STEP_S = 8.0
@@ -56,6 +57,8 @@ _LONGEST_S = 1e5
 #: Altitude, m, and speed over ground, m/s, below which an ascent begins on the ground.
 _LOW_M = 2e4
 _SLOW_M_S = 300.0
+#: Time between a first guess of a drop and any other event, s.
+_OFF_EVENTS_S = 0.5
 #: Depth below the ground of a track that meets it, m.
 _DEEP_M = 1e3
 
@@ -267,11 +270,16 @@ class Pilot:
         return times._replace(drops=self.inside(times, np.array(drops)))
 
     def inside(self, times: FreeTimes, drops: Array) -> Array:
-        """Move drops a little off the begins of arcs, and before the cut-off."""
-        begins = self.begins(times.lengths, 0.0)[:-1]
+        """Move drops a little off all other events, and before the cut-off.
+
+        With another event, a drop would be no event of its own, without its limit of the heating.
+        """
+        others = times._replace(drops=np.full(len(drops), math.inf))
+        events = segments_of(self.arrays, self.start, others)["start"]
         for i, drop in enumerate(drops):
-            near = np.abs(begins - drop) < 0.5
-            moved = drop + 0.5 if near.any() else drop
+            moved = drop
+            while (np.abs(events - moved) < _OFF_EVENTS_S - SAME_LENGTH).any():
+                moved += _OFF_EVENTS_S
             drops[i] = min(moved, times.cutoff - 1.0)
         return drops
 
