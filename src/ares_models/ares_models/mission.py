@@ -55,8 +55,8 @@ from ares_models.mission_programme import (
     UntilPart,
     WhenPart,
 )
-from ares_models.mission_release import HoldDown, held_down, released
-from ares_models.mission_start import EXPECTED_START, InitialState
+from ares_models.mission_release import HoldDown, release
+from ares_models.mission_start import EXPECTED_START, InitialState, Rail
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_target import (
     EXPECTED_TARGET,
@@ -176,18 +176,14 @@ class Mission(Part):
     @model_validator(mode="wrap")
     @classmethod
     def _at_release(cls, data: Any, check: ModelWrapValidatorHandler["Mission"]) -> "Mission":
-        """Check the mission as its file has it; begin it at its release from the pad."""
-        mission = check(data)
-        held_s = mission.initial_state.held_s
-        if held_s == 0.0:
-            return mission
-        flown = check(released(data, mission, held_s))
-        flown._held = held_down(mission, flown)
-        return flown
+        """Check the mission as its file has it; begin it at its release from pad or rail."""
+        mission, held = release(data, check(data), check)
+        mission._held = held
+        return mission
 
     @property
     def held(self) -> HoldDown | None:
-        """Return what became of the vehicle on its pad; None: it was not held down."""
+        """Return what became of the vehicle before its release; None: it begins at ignition."""
         return self._held
 
     @property
@@ -523,6 +519,7 @@ _BLOCKS = {
 _MODELS: dict[str, type[Part]] = {
     "environment": parts.EnvironmentPart,
     "earth": parts.EarthPart,
+    "rail": Rail,
     "atmosphere": parts.AtmospherePart,
     "aerodynamics": parts.AerodynamicsPart,
     "stages": parts.Stage,

@@ -102,7 +102,7 @@ def check_lift_off(mission: "Mission") -> None:
     Raises:
         PydanticCustomError: it does not.
     """
-    if not mission.initial_state.AT_REST or mission.initial_state.held_s > 0.0:
+    if not mission.initial_state.AT_REST or mission.initial_state.waits:
         return
     arc = mission.stages[0].flight_arcs[0]
     path: KeyPath = ("stages", 0, *mission.stages[0].arc_path(0))

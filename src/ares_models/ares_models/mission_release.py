@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turn a mission that is held down on its pad into the one that begins at the release.
+"""Turn a mission that begins at its ignition into the one that begins at the release.
 
-The engines burn while the pad holds the vehicle. The flight begins at the release, with what is
-left of propellant, burn times and thrust tables.
+The engines burn while the pad holds the vehicle, or a rail guides it. The flight begins at the
+release, with what is left of propellant, burn times and thrust tables.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from ares_models.input_file import KeyPath
 from ares_models.mission_arcs import BurnArc, curve_area, sides
 from ares_models.mission_keys import fail
+from ares_models.mission_rail import leave_rail
+from ares_models.mission_start import StateOnPad
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -19,48 +24,89 @@ if TYPE_CHECKING:
 Knots = list[tuple[float, float]]
 
 
+class ReleaseKey(NamedTuple):
+    """Name the key that sets the release, in errors.
+
+    Attributes:
+        path: of the key.
+        value: of the key.
+    """
+
+    path: KeyPath
+    value: float
+
+
 class HoldDown(NamedTuple):
-    """Hold what became of a vehicle on its pad before the release.
+    """Hold what became of a vehicle between its ignition and the release.
 
     Attributes:
         time_s: from ignition to the release.
         burnt_kg: by all that was lit.
         boosters_s: how long each kind of boosters burnt.
+        speed_m_s: over the ground at the release.
     """
 
     time_s: float
     burnt_kg: float
     boosters_s: tuple[float, ...]
+    speed_m_s: float
 
 
-def held_down(before: "Mission", released_mission: "Mission") -> HoldDown:
-    """Return what became of a vehicle on its pad, from its mission before and at the release."""
-    hold_s = before.initial_state.held_s
-    return HoldDown(
-        hold_s,
-        before.ignition_mass(0) - released_mission.ignition_mass(0),
-        tuple(max(0.0, hold_s - one.ignition_s) for one in before.stages[0].boosters),
-    )
-
-
-def released(data: dict[str, Any], mission: "Mission", hold_s: float) -> dict[str, Any]:
-    """Return the content of a mission file as it is at the release.
+def release(
+    data: dict[str, Any], mission: "Mission", check: Callable[[dict[str, Any]], "Mission"]
+) -> tuple["Mission", HoldDown | None]:
+    """Return the mission that begins at the release, and what became of the vehicle before.
 
     Args:
         data: content of the file.
         mission: the same, checked.
-        hold_s: time from ignition to the release.
+        check: check of such a content.
 
     Raises:
-        PydanticCustomError: the first arc cannot be held so long.
+        PydanticCustomError: the first arc cannot be held so long, or the rail is never left.
     """
+    pad = mission.initial_state
+    if not isinstance(pad, StateOnPad) or not pad.waits:
+        return mission, None
     data = copy.deepcopy(data)
-    del data["initial_state"]["hold_down_s"]
+    start, hold_s, speed = data["initial_state"], pad.hold_down_s or 0.0, 0.0
+    cause = ReleaseKey(("initial_state", "hold_down_s"), hold_s)
+    if pad.rail is None:
+        del start["hold_down_s"]
+    else:
+        cause = ReleaseKey(("initial_state", "rail", "length_m"), pad.rail.length_m)
+        hold_s, place, velocity = leave_rail(mission, pad, pad.rail)
+        speed = float(np.linalg.norm(velocity))
+        data["initial_state"] = {
+            "time_s": pad.time_s,
+            "earth_fixed_position_m": place.tolist(),
+            "earth_fixed_velocity_m_s": velocity.tolist(),
+        }
+    flown = check(_released(data, mission, hold_s, cause))
+    return flown, HoldDown(
+        hold_s,
+        mission.ignition_mass(0) - flown.ignition_mass(0),
+        tuple(max(0.0, hold_s - one.ignition_s) for one in mission.stages[0].boosters),
+        speed,
+    )
+
+
+def _released(
+    data: dict[str, Any], mission: "Mission", hold_s: float, cause: ReleaseKey
+) -> dict[str, Any]:
+    """Return the content of a mission file with what is left at the release.
+
+    Args:
+        data: content of the file, with the initial state at the release. Changed.
+        mission: before the release.
+        hold_s: time from ignition to the release.
+        cause: what sets this time.
+    """
     stage, content = mission.stages[0], data["stages"][0]
     burn = stage.flight_arcs[0]
     if not isinstance(burn, BurnArc):
-        fail(("initial_state", "hold_down_s"), hold_s, "a first arc that is a burn")
-    _check(mission, burn, hold_s)
+        fail(*cause, "a first arc that is a burn")
+    _check(mission, burn, hold_s, cause)
     part = content if stage.arcs is None else content["arcs"][0]
     used = _shorten_burn(part, burn, mission.environment.g0_m_s2, hold_s)
     if stage.propellant_kg is not None:
@@ -76,8 +122,7 @@ def released(data: dict[str, Any], mission: "Mission", hold_s: float) -> dict[st
     return data
 
 
-def _check(mission: "Mission", burn: BurnArc, hold_s: float) -> None:
-    path = ("initial_state", "hold_down_s")
+def _check(mission: "Mission", burn: BurnArc, hold_s: float, cause: ReleaseKey) -> None:
     g0 = mission.environment.g0_m_s2
     ends = {"the first burn": burn.max_s or burn.duration_s}
     if burn.engine_out is not None:
@@ -85,9 +130,10 @@ def _check(mission: "Mission", burn: BurnArc, hold_s: float) -> None:
     ends |= {f"booster {one.name}": one.end_s(g0) for one in mission.stages[0].boosters}
     for what, end in ends.items():
         if hold_s >= end:
-            fail(path, hold_s, f"less than the {end:g} s to the end of {what}")
+            fail(*cause, f"a release before {what} ends, at {end:g} s; it is at {hold_s:.4g} s")
     if burn.start is not None and hold_s < burn.start[-1][0]:
-        fail(path, hold_s, f"at least the {burn.start[-1][0]:g} s that the start takes")
+        over = f"the start of the engine is over, at {burn.start[-1][0]:g} s"
+        fail(*cause, f"a release after {over}; it is at {hold_s:.4g} s")
 
 
 def _shorten_burn(part: dict[str, Any], burn: BurnArc, g0: float, hold_s: float) -> float:

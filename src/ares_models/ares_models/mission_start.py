@@ -42,12 +42,16 @@ Array = NDArray[np.float64]
 
 #: Largest initial radius, in equatorial radii.
 MAX_INITIAL_RADII = 10.0
+#: Speed over the ground below which a flight begins at its launch, m/s.
+LAUNCH_M_S = 100.0
 #: Least perigee radius of an initial state by elements, m.
 LEAST_PERIGEE_M = 1.0
 
 Position = tuple[Coordinate, Coordinate, Coordinate]
 Velocity = tuple[VelocityComponent, VelocityComponent, VelocityComponent]
 StartAltitude = Annotated[float, Range(0.0, 1e9)]
+RailLength = Annotated[float, Range(0.1, 1e3)]
+RailElevation = Annotated[float, Range(10.0, 90.0)]
 
 
 class InitialStatePart(Part):
@@ -68,9 +72,14 @@ class InitialStatePart(Part):
     time_s: MissionTime = Field(description="mission elapsed time")
 
     @property
-    def held_s(self) -> float:
-        """Return the time from ignition to the release on the pad, s."""
-        return 0.0
+    def is_launch(self) -> bool:
+        """Return whether the flight begins at its launch: at rest, or off a rail."""
+        return False
+
+    @property
+    def waits(self) -> bool:
+        """Return whether the engines burn before the release, held down or on a rail."""
+        return False
 
 
 class StateVectors(InitialStatePart):
@@ -152,6 +161,14 @@ class StateElements(InitialStatePart):
         ).state(mu)
 
 
+class Rail(Part):
+    """Hold the rail along which a vehicle is launched."""
+
+    length_m: RailLength = Field(description="that the vehicle travels from ignition on")
+    elevation_deg: RailElevation = Field(description="above the horizon")
+    azimuth_deg: Turn = Field(description="north to east")
+
+
 class StateOnPad(InitialStatePart):
     """Hold an initial state at rest on the ground."""
 
@@ -168,18 +185,37 @@ class StateOnPad(InitialStatePart):
         exclude_if=not_there,
         description="from ignition until the pad releases the vehicle, which is at time_s",
     )
+    rail: Rail | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="that guides the vehicle, from rest at ignition to its end at time_s",
+    )
+
+    @model_validator(mode="after")
+    def _one_release(self) -> "StateOnPad":
+        if self.rail is not None and self.hold_down_s is not None:
+            fail(("hold_down_s",), self.hold_down_s, "none, with a rail")
+        return self
 
     @property
-    def held_s(self) -> float:
-        """Return the time from ignition to the release on the pad, s."""
-        return self.hold_down_s or 0.0
+    def is_launch(self) -> bool:
+        """Return whether the flight begins at its launch: at rest, or off a rail."""
+        return True
+
+    @property
+    def waits(self) -> bool:
+        """Return whether the engines burn before the release, held down or on a rail."""
+        return self.rail is not None or bool(self.hold_down_s)
+
+    def place(self, earth: Earth) -> Array:
+        """Return the Earth-fixed position, shape (3,), m."""
+        return earth_fixed_place(
+            self.geodetic_latitude_deg, self.longitude_deg, self.altitude_m, earth
+        )
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s), each shape (3,): that of the turning ground."""
-        place = earth_fixed_place(
-            self.geodetic_latitude_deg, self.longitude_deg, self.altitude_m, earth
-        )
-        return inertial_state(self.time_s, place, np.zeros(3), earth)
+        return inertial_state(self.time_s, self.place(earth), np.zeros(3), earth)
 
 
 class StateOverGround(InitialStatePart):
@@ -195,6 +231,11 @@ class StateOverGround(InitialStatePart):
     ground_speed_m_s: Speed = Field(description="relative to the body that turns")
     elevation_deg: FlightPathAngle = Field(description="of that velocity, above the horizon")
     ground_azimuth_deg: Turn = Field(description="of that velocity, north to east")
+
+    @property
+    def is_launch(self) -> bool:
+        """Return whether the flight begins at its launch: at rest, or off a rail."""
+        return self.ground_speed_m_s < LAUNCH_M_S
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s), each shape (3,)."""
@@ -221,6 +262,11 @@ class StateEarthFixed(InitialStatePart):
     earth_fixed_velocity_m_s: Velocity = Field(
         description="three numbers: relative to the body that turns, in the same axes"
     )
+
+    @property
+    def is_launch(self) -> bool:
+        """Return whether the flight begins at its launch: at rest, or off a rail."""
+        return math.hypot(*self.earth_fixed_velocity_m_s) < LAUNCH_M_S
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s), each shape (3,)."""

@@ -338,7 +338,7 @@ def _highest(mission: "Mission") -> float | None:
 
 
 def _plane(mission: "Mission") -> Iterator[Doubt]:
-    if mission.initial_state.AT_REST:
+    if mission.initial_state.is_launch:
         yield from _plane_from_pad(mission)
         return
     start, target = mission.start(), mission.target

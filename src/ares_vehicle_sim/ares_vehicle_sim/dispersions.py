@@ -443,7 +443,7 @@ def read_dispersions(
     Raises:
         DispersionsError: as in `load_dispersions`.
     """
-    if name_or_path == STANDARD and mission is not None and mission.initial_state.AT_REST:
+    if name_or_path == STANDARD and mission is not None and mission.initial_state.is_launch:
         name_or_path = STANDARD_PAD
     path = DISPERSIONS.find(name_or_path)
     text = read_text(path, DISPERSIONS)

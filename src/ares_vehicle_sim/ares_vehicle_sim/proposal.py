@@ -104,7 +104,7 @@ def _start(mission: Mission) -> Iterator[Proposed]:
 
     A pad is surveyed: a start at rest on it has none.
     """
-    if mission.initial_state.AT_REST:
+    if mission.initial_state.is_launch:
         return
     start = mission.start()
     earth = mission.earth()

@@ -57,7 +57,9 @@ def _mission_rows(name: str) -> tuple[str, Rows]:
     texts = mission.describe()
     rows = [("valid", mission.title)]
     if mission.held is not None:
-        held = f"{mission.held.time_s:g} s after ignition, {mission.held.burnt_kg:,.0f} kg burnt"
+        held = f"{mission.held.time_s:.4g} s after ignition, {mission.held.burnt_kg:,.0f} kg burnt"
+        if mission.held.speed_m_s > 0.0:
+            held += f", at {mission.held.speed_m_s:.1f} m/s"
         rows.append(("released", held))
     return mission.name, rows + [(key, texts[key]) for key in ("stages", "jettisons", "target")]
 

@@ -101,6 +101,8 @@ _STARTS: Mapping[str, Mapping[str, object]] = {
         "earth_fixed_velocity_m_s": [1480.021, -24.597, 202.55],
     },
 }
+#: The rail from which a boost programme of its own begins.
+_RAIL = {"length_m": 20.0, "elevation_deg": 88.0, "azimuth_deg": 60.5}
 #: Other boost programmes for the mission that has one.
 _PROGRAMMES: Mapping[str, Mapping[str, object]] = {
     "over_time": {
@@ -144,6 +146,7 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
         for name, programme in _PROGRAMMES.items():
             found[name] = deepcopy(found["programme"]) | {"programme": deepcopy(dict(programme))}
         found["to_the_end"]["stages"][1]["arcs"][1]["burn_time_s"] = 320.0
+        found["to_the_end"]["initial_state"]["rail"] = dict(_RAIL)
         parked = deepcopy(found["vulcan_gto"])
         parked["stages"][0]["arcs"][2] |= _PARKING
         found["parked"] = parked
