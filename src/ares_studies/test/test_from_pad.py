@@ -588,7 +588,7 @@ def test_a_launcher_drawn_at_random_is_planned_and_flown(seed):
 
 
 @pytest.mark.trial
-@pytest.mark.parametrize("seed", [70003, 70005, 70008, 70011, 80020, 80021])
+@pytest.mark.parametrize("seed", [70003, 70005, 70008, 70011, 80020, 80021, 91038])
 def test_a_short_burn_after_a_long_coast_is_flown_by_every_law(seed):
     mission = random_launcher(seed)
     solution = solve(mission, "auto")

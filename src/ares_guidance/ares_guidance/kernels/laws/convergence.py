@@ -139,8 +139,8 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
             return error, reachable
         good = error == ERROR_NONE and reachable and state.solution.turn <= limit
         released = may_release_place(mission, onboard, state.solution.turn)
-        # where the place is free the pass has moved the aim instead
-        released = released and not leaves_place_free(mission.target)
+        # where the place is free the pass moves the aim instead, if it has not just begun
+        released = released and not (good and leaves_place_free(mission.target))
         if error == ERROR_NONE and reachable and released:
             # too short a burn to correct the place: it meets the orbit's speed there
             return error, True
