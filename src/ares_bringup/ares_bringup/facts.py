@@ -27,7 +27,7 @@ class MissionFacts:
         environment: record of dtype ENVIRONMENT; None: longitude zero is unknown.
         areas: names of the areas that impacts must avoid.
         rises: indices of the arcs at whose end the vehicle leaves the vertical.
-        held_s: time from the first ignition to the release from the pad.
+        held_s: time from the first ignition to the release.
         mission: itself; None: not known.
     """
 

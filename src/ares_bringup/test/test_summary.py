@@ -254,7 +254,7 @@ def test_events_have_the_names_of_the_mission(facts):
 
 def test_what_was_lit_on_the_pad_is_told_as_released(facts):
     summary = FlightSummary(replace(facts, held_s=7.5), "peg")
-    released = "release from the pad, 7.5 s after ignition: burn"
+    released = "release, 7.5 s after ignition: burn"
     assert summary.event_name(made_up_event(IGNITION, 0.0)) == released
     assert summary.event_name(made_up_event(IGNITION, 0.0, index=1)) == "ignition"
     assert facts_of(load_mission("delta_iii_pad")).held_s == 0.0

@@ -188,7 +188,7 @@ class Mission(Part):
 
     @property
     def held_s(self) -> float:
-        """Return the time from the first ignition to the release from the pad, s."""
+        """Return the time from the first ignition to the release, s."""
         return self._held.time_s if self._held else 0.0
 
     @model_validator(mode="after")
@@ -497,6 +497,10 @@ _FORMS: dict[str, type[Part]] = {
     "<orbit>": TargetOrbit,
 }
 
+_ON_PAD_ALONE = (
+    "no such key here: it belongs to a start at rest on the ground, which is by "
+    "geodetic_latitude_deg, longitude_deg and altitude_m alone"
+)
 #: What an error message names where a whole block is missing or a key is of another form, by path.
 _BLOCKS = {
     "environment": "a mapping with mu_m3_s2, earth and atmosphere",
@@ -505,10 +509,8 @@ _BLOCKS = {
     ),
     "environment.atmosphere": "a mapping with model, such as us76 or none",
     "initial_state": EXPECTED_START,
-    "initial_state.hold_down_s": (
-        "no such key here: it belongs to a start at rest on the ground, which is by "
-        "geodetic_latitude_deg, longitude_deg and altitude_m alone"
-    ),
+    "initial_state.hold_down_s": _ON_PAD_ALONE,
+    "initial_state.rail": _ON_PAD_ALONE,
     "stages": (
         "a list, each with name, dry_mass_kg, propellant_kg, thrust_n, isp_s and burn_time_s, or "
         "arcs in place of the last three"

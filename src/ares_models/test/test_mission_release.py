@@ -134,6 +134,10 @@ def test_a_flight_that_does_not_begin_on_the_pad_is_not_held():
     for name in ("ares_v", "apollo11_ascent", "geostationary_burn"):
         with pytest.raises(MissionError, match=expected):
             held(name, 1.0)
+    data, _ = read_input(MISSION.find("ares_v"), MISSION)
+    data["initial_state"]["rail"] = {"length_m": 10.0, "elevation_deg": 80.0, "azimuth_deg": 90.0}
+    with pytest.raises(MissionError, match=r"initial_state\.rail is .*; expected no such key here"):
+        parse_mission(yaml.safe_dump(data), "rail.yaml")
     assert load_mission("delta_iii_pad").held is None
 
 

@@ -77,7 +77,7 @@ def event_name(
         arcs: names of the mission's arcs.
         stages: names of its stages.
         jettisons: names of its jettisons.
-        held_s: time from the first ignition to the release from the pad, where the flight begins.
+        held_s: time from the first ignition to the release, where the flight begins.
     """
     lists = {
         IGNITION: arcs,
@@ -93,7 +93,7 @@ def event_name(
     names = lists.get(kind, ())
     text = f"{name}: {names[index]}" if index < len(names) else name
     if kind == IGNITION and index == 0 and held_s > 0.0:
-        return f"release from the pad, {held_s:g} s after {text}"
+        return f"release, {held_s:.4g} s after {text}"
     return text
 
 
