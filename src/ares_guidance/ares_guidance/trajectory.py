@@ -187,10 +187,15 @@ class OfflineTrajectory:
         return nearest
 
     def rows_between(self, begin: float, end: float) -> NDArray[np.int64]:
-        """Return the samples between two events, s: of the two at each the one inside."""
+        """Return the samples between two events, s: of the two at each the one inside.
+
+        Between events at the same time that is one.
+        """
         time = self.sample_time
         first = int(np.searchsorted(time, begin + TIME_ROUNDING, side="right")) - 1
         last = int(np.searchsorted(time, end - TIME_ROUNDING, side="left"))
+        if first > last:
+            first = last = (first + last) // 2
         rows = np.arange(max(first, 0), min(last, len(time) - 1) + 1)
         later = np.diff(time[rows], prepend=-math.inf) > TIME_ROUNDING
         return rows[later]

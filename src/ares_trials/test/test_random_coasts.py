@@ -92,6 +92,18 @@ def test_no_coast_at_all_may_be_the_best():
 
 
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
+def test_coasts_that_vanish_are_flown(law):
+    """Fly a mission of which both free coasts follow fixed ones, and are best left out."""
+    mission = random_coasting_mission(95_000)
+    optimum = solve(mission, "auto")
+    assert optimum.converged, optimum.reason
+    assert max(optimum.lengths_s) < 0.01
+    plant = fly_compiled(mission, law=law).plant
+    assert judged(mission, plant).end is End.TARGET
+    assert float(plant["mass"]) == pytest.approx(optimum.m_f_kg, rel=1e-4)
+
+
+@pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 @pytest.mark.parametrize("coast", ["free", "fixed"])
 def test_a_burn_before_a_long_coast_ends_where_planned(law, coast):
     """Fly it: laws that aimed beyond the coast missed the orbit."""
