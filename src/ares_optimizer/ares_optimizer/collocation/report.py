@@ -25,7 +25,7 @@ from ares_optimizer.collocation.points import (
     times_of,
 )
 from ares_optimizer.collocation.refine import PRESSURE_CHECKS, SAG, Proven, allowed_spread
-from ares_optimizer.collocation.search import Search
+from ares_optimizer.collocation.search import SAME_MASS, Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
@@ -275,6 +275,12 @@ def verdict_of(
         return Cause(
             Status.FEASIBLE,
             f"only one of {search.starts} first guesses led here: there may be a better flight",
+        )
+    if search.sunk_kg > (1.0 + SAME_MASS) * proven.found.m_f_kg:
+        return Cause(
+            Status.FEASIBLE,
+            f"a flight through the ground ends with {search.sunk_kg:,.6g} kg, and none above it "
+            "was found from there: there may be a better flight",
         )
     most = allowed_spread(proven.found)
     if spread > most:

@@ -127,6 +127,7 @@ class Search:
         iterations: of all starts.
         least_starts: number of starts without which the search does not end.
         idle: true if no thrust direction of the best solution can save propellant.
+        sunk_kg: greatest mass of a solution below the ground for which none was found above it.
     """
 
     def __init__(
@@ -144,6 +145,7 @@ class Search:
         self.iterations = 0
         self.least_starts = 0
         self.idle = False
+        self.sunk_kg = -math.inf
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
         #: Number of iterations at which a start is given up.
@@ -201,14 +203,18 @@ class Search:
         if self.best is not None and trial.miss > _FAR_OFF:
             return
         self.starts += 1
-        most = _MOST_OF_START if self.best is None else _MOST_OF_OTHERS
-        self._most_iterations = self.iterations + most
+        self._allow_iterations()
         found = self._found_from(trial)
         self._most_iterations = math.inf
         if found is not None and not self._underground(found):
             self.keep(found, trial.met)
         elif found is not None:
             self._unproven = True
+
+    def _allow_iterations(self) -> None:
+        """Bound the iterations from here on by those of a start."""
+        most = _MOST_OF_START if self.best is None else _MOST_OF_OTHERS
+        self._most_iterations = self.iterations + most
 
     def _found_from(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight, with floors where it goes below the ground."""
@@ -220,7 +226,10 @@ class Search:
             added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
             self.floors += added
             self.added += added
-            found = self._solved(trial)
+            self._allow_iterations()
+            sunk, found = found, self._solved(trial)
+            if sunk is not None and (found is None or self._underground(found)):
+                self.sunk_kg = max(self.sunk_kg, sunk.m_f_kg)
         return found
 
     def _without_floor(self) -> list[int]:
