@@ -173,14 +173,6 @@ class Mission(Part):
 
     _held: HoldDown | None = PrivateAttr(default=None)
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _at_release(cls, data: Any, check: ModelWrapValidatorHandler["Mission"]) -> "Mission":
-        """Check the mission as its file has it; begin it at its release from pad or rail."""
-        mission, held = release(data, check(data), check)
-        mission._held = held
-        return mission
-
     @property
     def held(self) -> HoldDown | None:
         """Return what became of the vehicle before its release; None: it begins at ignition."""
@@ -195,6 +187,15 @@ class Mission(Part):
     def _whole(self) -> "Mission":
         check_mission(self)
         return self
+
+    # after `_whole`, so that the file is checked as it stands too
+    @model_validator(mode="wrap")
+    @classmethod
+    def _at_release(cls, data: Any, check: ModelWrapValidatorHandler["Mission"]) -> "Mission":
+        """Check the mission as its file has it; begin it at its release from pad or rail."""
+        mission, held = release(data, check(data), check)
+        mission._held = held
+        return mission
 
     @property
     def stage_names(self) -> tuple[str, ...]:
