@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predicted effect of thrust and gravity on position and velocity over the burn ahead."""
 
-import cmath
 import math
 from typing import NamedTuple
 
@@ -84,12 +83,54 @@ def steered_thrust(integrals: Integrals, steering: LinearTangent) -> tuple[Vecto
 
 
 @kernel
-def mode(square: complex, t: float) -> tuple[complex, complex]:
+def hyperbolic(x: float) -> tuple[float, float]:
+    """Return the hyperbolic cosine and sine."""
+    grown = math.expm1(x)
+    shrunk = grown / (1.0 + grown)
+    return 1.0 + 0.5 * grown * shrunk, 0.5 * (grown + shrunk)
+
+
+@kernel
+def mode(square: float, t: float) -> tuple[float, float]:
     """Return the solutions of x'' = square x with initial (x, x') = (1, 0) and (0, 1) at t, s."""
-    root = cmath.sqrt(square)
-    if abs(root * t) < NO_CHANGE:
-        return 1.0 + 0.0j, t + 0.0j
-    return cmath.cosh(root * t), cmath.sinh(root * t) / root
+    root = math.sqrt(abs(square))
+    angle = root * t
+    if abs(angle) < NO_CHANGE:
+        return 1.0, t
+    if square > 0.0:
+        even, odd = hyperbolic(angle)
+        return even, odd / root
+    return math.cos(angle), math.sin(angle) / root
+
+
+@kernel
+def mode_sums(middle: float, spread: float, t: float) -> tuple[float, float, float, float]:
+    """Return the solutions for two squares of a rate, ``middle`` -+ ``spread`` / 2, combined.
+
+    Returns: the polynomials of Cayley and Hamilton of exp(A t) in A^2, whose eigenvalues are the
+        squares: for the even part the constant and the factor on A^2, then both of the odd part.
+    """
+    upper = middle + 0.5 * spread
+    c1, s1 = mode(upper, t)
+    c2, s2 = mode(upper - spread, t)
+    even, odd = (c1 - c2) / spread, (s1 - s2) / spread
+    return c1 - upper * even, even, s1 - upper * odd, odd
+
+
+@kernel
+def complex_mode_sums(middle: float, spread: float, t: float) -> tuple[float, float, float, float]:
+    """Return :func:`mode_sums` for the squares ``middle`` -+ i ``spread`` / 2."""
+    size = math.sqrt(middle * middle + 0.25 * spread * spread)
+    root = math.sqrt(0.5 * (size + abs(middle)))
+    growth, rate = root, 0.25 * spread / root
+    if middle < 0.0:
+        growth, rate = rate, growth
+    cosh, sinh = hyperbolic(growth * t)
+    cos, sin = math.cos(rate * t), math.sin(rate * t)
+    even = 2.0 * sinh * sin / spread
+    odd = 2.0 * (cosh * sin * growth - sinh * cos * rate) / (size * spread)
+    part = (sinh * cos * growth + cosh * sin * rate) / size
+    return cosh * cos - middle * even, even, part - middle * odd, odd
 
 
 @kernel
@@ -107,15 +148,16 @@ def in_plane(w: float, n: float, s: float, x: Plane) -> Plane:
 
     Returns: primer and rates at ``s``.
     """
-    spread = w * cmath.sqrt(9.0 * w * w - 8.0 * n * n)
-    if abs(spread) < NO_SPREAD * w * w:
-        spread = NO_SPREAD * w * w + 0.0j
-    grows = 0.5 * (w * w - 2.0 * n * n + spread)
-    c1, s1 = mode(grows, s)
-    c2, s2 = mode(grows - spread, s)
-    # exp(A s) by Cayley and Hamilton
-    even, odd = (c1 - c2) / spread, (s1 - s2) / spread
-    terms = (c1 - grows * even).real, (s1 - grows * odd).real, even.real, odd.real
+    square = w * w * (9.0 * w * w - 8.0 * n * n)
+    spread = math.sqrt(abs(square))
+    middle = 0.5 * w * w - n * n
+    if spread < NO_SPREAD * w * w:
+        constant, even, first, odd = mode_sums(middle, NO_SPREAD * w * w, s)
+    elif square > 0.0:
+        constant, even, first, odd = mode_sums(middle, spread, s)
+    else:
+        constant, even, first, odd = complex_mode_sums(middle, spread, s)
+    terms = constant, first, even, odd
     up, ahead = n * n + 2.0 * w * w, n * n - w * w
     total = (0.0, 0.0, 0.0, 0.0)
     for k in range(4):
