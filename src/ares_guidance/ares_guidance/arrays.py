@@ -308,6 +308,7 @@ TURN_WORK = np.dtype(
         ("rows", np.float64, (TURN_UNKNOWNS + 1, TURN_UNKNOWNS)),
         ("matrix", np.float64, (TURN_UNKNOWNS, TURN_UNKNOWNS)),
         ("pivots", np.int64, (TURN_UNKNOWNS,)),
+        ("factored", np.int64),  # 1: matrix and pivots hold the factors of the last Jacobian
     ],
     align=True,
 )

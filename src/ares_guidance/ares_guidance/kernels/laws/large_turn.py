@@ -79,6 +79,9 @@ STEPS = 20
 HALVINGS = 8
 #: Largest scaled residual at convergence: 4 cm/s and 12 m for a burn of 4 km/s over 300 s.
 MET = 1e-5
+#: The same after a step by the Jacobian of an earlier cycle, which does not converge as fast.
+MET_BY_LAST = 1e-7
+STEPS_BY_LAST = 3
 #: Step of the finite differences of the Jacobian, scaled.
 DIFFERENCE = 1e-6
 #: Largest fraction of the last burn's mass that a prediction may burn.
@@ -283,7 +286,8 @@ def solve_step(turn: Record) -> bool:
         for k in range(n):
             matrix[i, k] = (rows[k + 1, i] - rows[0, i]) / DIFFERENCE
         turn.step[i] = -rows[0, i]
-    if not factor(n, matrix, turn.pivots):
+    turn.factored = 1 if factor(n, matrix, turn.pivots) else 0
+    if turn.factored == 0:
         return False
     back_substitute(n, matrix, turn.pivots, turn.step)
     return True
@@ -320,6 +324,40 @@ def newton_step(mission: MissionRecords, onboard: Onboard, merit: float) -> floa
             return after
         part *= 0.5
     return math.inf
+
+
+@kernel
+def meets_by_last(mission: MissionRecords, onboard: Onboard, merit: float) -> bool:
+    """Take steps by the Jacobian of the last cycle, if they meet the target.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: state of guidance. Its unknowns are changed if the target is met.
+        merit: largest residual of the present unknowns; all are in row 0.
+    """
+    turn = onboard.state.turn
+    if turn.factored == 0:
+        return False
+    y, before = turn.unknowns, turn.before
+    for k in range(TURN_UNKNOWNS):
+        before[k] = y[k]
+    for _ in range(STEPS_BY_LAST):
+        for k in range(TURN_UNKNOWNS):
+            turn.step[k] = -turn.rows[0, k]
+        back_substitute(TURN_UNKNOWNS, turn.matrix, turn.pivots, turn.step)
+        for k in range(TURN_UNKNOWNS):
+            y[k] += turn.step[k]
+        y[6] = possible_cutoff(onboard.state, y[6] * turn.time_scale) / turn.time_scale
+        after = residuals(mission, onboard, 0)
+        if after < MET_BY_LAST:
+            return True
+        if not after < 0.1 * merit:
+            break
+        merit = after
+    for k in range(TURN_UNKNOWNS):
+        y[k] = before[k]
+    residuals(mission, onboard, 0)
+    return False
 
 
 @kernel
@@ -417,7 +455,10 @@ def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
             plan_segments(mission, onboard)
             merit = residuals(mission, onboard, 0)
         if math.isfinite(merit):
-            merit = newton_step(mission, onboard, merit)
+            if meets_by_last(mission, onboard, merit):
+                merit = MET_BY_LAST
+            else:
+                merit = newton_step(mission, onboard, merit)
         state.iterations += 1
         solution.miss_speed = merit * state.turn.speed_scale
         if not math.isfinite(merit):
