@@ -389,7 +389,10 @@ def _aimed(
 def _first_times(
     pilot: Pilot, constants: Array, known: dict[int, float], coasts: dict[int, float]
 ) -> FreeTimes | None:
-    """Return initial times: each burn ends on the orbit that its place requires."""
+    """Return initial times: each burn ends on the orbit that its place requires.
+
+    A free coast without a length in ``known`` or ``coasts`` is as short as it may be.
+    """
     arrays = pilot.arrays
     arcs = arrays.arcs
     mu = float(arrays.environment[0]["mu"])
@@ -402,9 +405,9 @@ def _first_times(
         low = max(float(arcs[k]["shortest"]), 1e-3)
         if k in known:
             lengths[f] = known[k]
-        elif arcs[k]["kind"] == COAST:
+        elif k in coasts:
             lengths[f] = _coast_for(pilot, lengths, f, constants, coasts[k])
-        else:
+        elif arcs[k]["kind"] == BURN:
             lengths[f] = _burn_until(pilot, lengths, f, constants, apogee)
         lengths[f] = min(max(lengths[f], low), pilot.longest(k))
     times = FreeTimes(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
