@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 PATIENCE = 15.0
 #: The same if discovery is switched off.
 OFF_PATIENCE = 3.0
-#: Wall time in s for all nodes to start, compilation of the first flight included.
+#: Wall time in s for all nodes to start, compilation of the first flight included; after four times
+#: PATIENCE more they are given up, unless they say themselves why they do not start.
 START_TIMEOUT = 300.0
 #: Wall time in s without any message, in addition to that explained by the pace, after which the
-#: flight is aborted.
-STALL_TIMEOUT = 60.0
+#: flight is aborted. In a coast of hours guidance has no cycles: five hours take a minute.
+STALL_TIMEOUT = 300.0
 #: Longest flight time in s without a message: guidance sends one per cycle.
 LONGEST_SILENCE = 100.0
 
@@ -77,7 +78,7 @@ class Watch:
             if now - self._monitor.last_heard > self._silence:
                 summary.problems.append(f"nothing heard for {self._silence:.0f} s: given up")
                 return True
-        elif now - self._made > START_TIMEOUT + STALL_TIMEOUT:
+        elif now - self._made > START_TIMEOUT + 4.0 * PATIENCE:
             raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
         elif self._off and now - self._made > OFF_PATIENCE:
             self._off = False
