@@ -647,19 +647,6 @@ def test_a_launcher_of_solids_and_liquids_is_planned_and_flown(name):
 
 @pytest.mark.trial
 @pytest.mark.timeout(600)
-def test_a_fairing_keeps_its_limit_in_the_mirrored_flight():
-    """The first guess in the other plane had its drop at the ignition of the third stage."""
-    mission = load_mission(str(MISSIONS / "vega_c_pad.yaml"))
-    solution = solve(mission, "auto")
-    assert solution.flyable, solution.reason
-    assert solution.m_f_kg == pytest.approx(3140.78, rel=1e-4)
-    end = fly_compiled(mission, law=ready(mission, solution)).plant
-    assert judged(mission, end).end is End.TARGET
-    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=3e-3)
-
-
-@pytest.mark.trial
-@pytest.mark.timeout(600)
 def test_an_upper_stage_of_low_thrust_raises_its_apogee_by_two_burns():
     """No trial flight leads there: the last burn of a flight with one burn less is divided."""
     mission = load_mission(str(MISSIONS / "proton_m_gto_pad.yaml"))

@@ -132,7 +132,7 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
         if not any(_are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
             found = optimum.found
-            times = times_of(found.program, found.point.x, apart=2.0 * SAME_LENGTH)
+            times = times_of(found.program, found.point.x)
             trial = TrialFlight(times, track_of(found), 0.0, met=optimum.met)
             joined.append((found.m_f_kg, _joined(search, begin, trial)))
     return joined
@@ -173,8 +173,7 @@ def try_other_plane(search: Search) -> None:
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
     met = search.again
-    times = times_of(best.program, best.point.x, apart=2.0 * SAME_LENGTH)
-    search.try_start(TrialFlight(times, track, 0.0, limited=True))
+    search.try_start(TrialFlight(times_of(best.program, best.point.x), track, 0.0, limited=True))
     search.optima[0].met = max(search.optima[0].met, met)
 
 
