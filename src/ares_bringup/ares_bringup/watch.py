@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 PATIENCE = 15.0
 #: The same if discovery is switched off.
 OFF_PATIENCE = 3.0
-#: Wall time in s for all nodes to start, compilation of the first flight included; after four times
-#: PATIENCE more they are given up, unless they say themselves why they do not start.
+#: Wall time in s for all nodes to start, compilation of the first flight included, and in addition
+#: for them to say themselves why they do not.
 START_TIMEOUT = 300.0
+START_MARGIN = 60.0
 #: Wall time in s without any message, in addition to that explained by the pace, after which the
 #: flight is aborted. In a coast of hours guidance has no cycles: five hours take a minute.
 STALL_TIMEOUT = 300.0
@@ -78,7 +79,7 @@ class Watch:
             if now - self._monitor.last_heard > self._silence:
                 summary.problems.append(f"nothing heard for {self._silence:.0f} s: given up")
                 return True
-        elif now - self._made > START_TIMEOUT + 4.0 * PATIENCE:
+        elif now - self._made > START_TIMEOUT + START_MARGIN:
             raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
         elif self._off and now - self._made > OFF_PATIENCE:
             self._off = False

@@ -69,10 +69,10 @@ def release(
     if not isinstance(pad, StateOnPad) or not pad.waits:
         return mission, None
     data = copy.deepcopy(data)
-    start, hold_s, speed = data["initial_state"], pad.hold_down_s or 0.0, 0.0
+    hold_s, speed = pad.hold_down_s or 0.0, 0.0
     cause = ReleaseKey(("initial_state", "hold_down_s"), hold_s)
     if pad.rail is None:
-        del start["hold_down_s"]
+        del data["initial_state"]["hold_down_s"]
     else:
         cause = ReleaseKey(("initial_state", "rail", "length_m"), pad.rail.length_m)
         hold_s, place, velocity = leave_rail(mission, pad, pad.rail)
