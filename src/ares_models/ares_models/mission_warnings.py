@@ -139,8 +139,8 @@ def _doubts(mission: "Mission") -> Iterator[Doubt]:
 
 def _held(mission: "Mission") -> Iterator[Doubt]:
     """Tell of boosters that burn long while the pad holds them."""
-    if mission.held is None:
-        return
+    if mission.held is None or mission.held.speed_m_s > 0.0:
+        return  # a rail lets them go
     for booster, lit_s in zip(mission.stages[0].boosters, mission.held.boosters_s, strict=True):
         if lit_s > LONGEST_HELD_S:
             yield Doubt(

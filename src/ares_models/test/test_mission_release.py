@@ -219,6 +219,16 @@ def test_a_motor_whose_thrust_builds_up_stands_on_its_rail():
     assert table[-1][0] == pytest.approx(100.0 - mission.held.time_s)
 
 
+def test_boosters_on_a_rail_are_not_held_down(tmp_path):
+    def with_boosters(data):
+        kind = {"name": "weak", "dry_mass_kg": 10.0, "propellant_kg": 20.0, "thrust_n": 2e3}
+        data["stages"][0]["boosters"] = [{**kind, "burn_time_s": 30.0}]
+        (tmp_path / "rail.yaml").write_text(yaml.safe_dump(data))
+
+    assert on_rail(change=with_boosters).held.boosters_s[0] > 3.0
+    assert not [line for line in file_warnings(tmp_path / "rail.yaml") if "hold_down_s" in line]
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
