@@ -527,24 +527,30 @@ def test_a_coast_of_a_known_length_is_held_nearly_at_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("unsettled", "sunk_kg", "status"),
+    ("unsettled", "sunk_kg", "flown_kg", "status"),
     [
-        (False, -math.inf, Status.CONVERGED),
-        (False, 1.0, Status.CONVERGED),
-        (True, -math.inf, Status.FEASIBLE),
-        (False, 1.1, Status.FEASIBLE),
+        (False, -math.inf, 1.0, Status.CONVERGED),
+        (False, 1.0, 1.0, Status.CONVERGED),
+        (True, -math.inf, 1.0, Status.FEASIBLE),
+        (False, 1.1, 1.0, Status.FEASIBLE),
+        (False, -math.inf, 0.9, Status.NOT_OPTIMAL),
     ],
 )
 def test_a_flight_that_may_be_bettered_is_not_called_optimal(
-    monkeypatch: pytest.MonkeyPatch, unsettled: bool, sunk_kg: float, status: Status
+    monkeypatch: pytest.MonkeyPatch,
+    unsettled: bool,
+    sunk_kg: float,
+    flown_kg: float,
+    status: Status,
 ) -> None:
-    """The length of its coast is not settled, or a better one was found below the ground."""
+    """A coast is unsettled, a better flight is underground, or a mass is counted twice."""
     monkeypatch.setattr(report, "free_propellant", lambda _found: 100.0)
     monkeypatch.setattr(report, "allowed_spread", lambda _found: 1.0)
     point = SimpleNamespace(regularized=False, unsettled=unsettled)
-    found = SimpleNamespace(point=point, m_f_kg=1.0)
+    found = SimpleNamespace(point=point, m_f_kg=1.0, end_kg=1.0)
     search = SimpleNamespace(again=2, led_to=lambda _: 2, starts=2, added=(), sunk_kg=sunk_kg)
-    cause = verdict_of(search, SimpleNamespace(found=found), (), 0.0)
+    flight = SimpleNamespace(final=np.full(7, flown_kg))
+    cause = verdict_of(search, SimpleNamespace(found=found, flight=flight), (), 0.0)
     assert cause.status is status
 
 

@@ -61,6 +61,11 @@ class FoundOptimum:
     point: StoppingPoint
     m_f_kg: float
 
+    @property
+    def end_kg(self) -> float:
+        """Return the mass at the end of the flight, kg."""
+        return float(self.point.x[self.program.ends[-1]]) * self.program.mass
+
 
 def worst_row(program: CollocationProgram, point: StoppingPoint) -> str:
     """Return the name of the row with the largest violation."""
@@ -75,14 +80,15 @@ def mass_of(program: CollocationProgram, point: StoppingPoint) -> float:
     return float(point.x[program.ends[program.saving]] * program.mass)
 
 
-def times_of(program: CollocationProgram, x: Array, apart: float = 0.0) -> FreeTimes:
+def times_of(program: CollocationProgram, x: Array, apart: float = 2.0 * SAME_LENGTH) -> FreeTimes:
     """Return the free times at a point of a program.
 
     Args:
         program: the program.
         x: shape (n,), its variables.
-        apart: time after another event at which a coincident drop is put, s. Apart from it, the
-            drop is an event of its own in another program, with its limit of the heating.
+        apart: time between a drop and another event with which it coincides, s. Apart from it, in
+            the order of the program, the drop is an event of its own in another program too, with
+            its limit of the heating. 0: the drop is at the event, as it is flown.
     """
     begins = float(program.start["time"][0]) + program.time * np.concatenate(
         ([0.0], np.cumsum(x[program.lengths]))
@@ -97,30 +103,19 @@ def times_of(program: CollocationProgram, x: Array, apart: float = 0.0) -> FreeT
         lengths.append(max(length + past, float(low[f])))
     last = program.arc_phases[max(program.arc_phases)][-1]
     cutoff = float(begins[last + 1])
-    drops = []
-    for number in range(program.waiting):
-        p = program.drop_ends.get(number)
-        if p is None:
-            drops.append(_with_event(float(program.trial.drops[number]), program, begins))
-        else:
-            drops.append(_at_event(float(begins[p + 1]), begins, p, apart))
+    drops = [_drop_time(begins, program.drop_ends[n], apart) for n in range(program.waiting)]
     return FreeTimes(np.array(lengths), cutoff, np.array(drops))
 
 
-def _with_event(at: float, program: CollocationProgram, begins: Array) -> float:
-    """Return the time of a drop that ends no phase: that of its event, which may have moved."""
-    ends = program.segments["end"]
-    p = int(np.argmin(np.abs(ends - at)))
-    return float(begins[p + 1]) if abs(float(ends[p]) - at) < SAME_LENGTH else at
-
-
-def _at_event(at: float, begins: Array, p: int, apart: float) -> float:
-    """Return the time of a drop, snapped to a coincident event or put ``apart`` after it."""
-    others = np.delete(begins, p + 1)
-    nearest = float(others[np.argmin(np.abs(others - at))])
-    if abs(nearest - at) >= SAME_LENGTH:
+def _drop_time(begins: Array, p: int, apart: float) -> float:
+    """Return the time of a drop at the end of phase ``p``, ``apart`` from a coincident event."""
+    at = float(begins[p + 1])
+    distances = np.abs(begins - at)
+    distances[p + 1] = math.inf
+    other = int(np.argmin(distances))
+    if distances[other] >= SAME_LENGTH:
         return at
-    return min(nearest + apart, max(nearest, float(begins[-1]) - apart))
+    return float(begins[other]) + (apart if other <= p else -apart)
 
 
 def is_idle(found: FoundOptimum) -> bool:

@@ -234,7 +234,7 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
     steering = steering_of(program, point, adjoint)
     if not request.verify:
         return Proven(found, adjoint, steering, None, (), exact=True)
-    times = times_of(program, point.x)
+    times = times_of(program, point.x, apart=0.0)
     planned = with_lengths(search.arrays, search.start[0], times.lengths)
     flight = fly(
         planned,

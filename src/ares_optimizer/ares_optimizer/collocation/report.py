@@ -62,6 +62,8 @@ METHOD = "collocation"
 LOCAL_OPTIMA = "collocation_valleys"
 #: Least number of starts that led to a solution called optimal.
 _LEAST_MET = 2
+#: Relative difference of the masses at the end of a program and of its verification.
+_SAME_END = 1e-6
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
 _NOTHING_KG = 0.1
@@ -116,7 +118,7 @@ def solution_of(
 ) -> Solution:
     """Convert a point of a program to a solution."""
     program, point, flight = proven.found.program, proven.found.point, proven.flight
-    times = times_of(program, point.x)
+    times = times_of(program, point.x, apart=0.0)
     planned = with_lengths(search.arrays, search.start[0], times.lengths)
     costates = costates_of(program, point, proven.adjoint)
     spread = hamiltonian_spread(proven.found, proven.adjoint)
@@ -147,7 +149,7 @@ def solution_of(
             program.arrays, program.start[0], program.segments, times.drops, times.cutoff
         ),
         times.cutoff,
-        float(proven.found.point.x[program.ends[-1]]) * program.mass,
+        proven.found.end_kg,
         search.iterations,
         elapsed,
         arcs=_steering_arcs(program, point, proven.adjoint),
@@ -170,7 +172,7 @@ def solution_of(
         **verdict_of(search, proven, checks, spread)._asdict(),
         m_f_kg=float(flight.final[6]),
         constraints=checks,
-        verification=verification(planned, flight, nodes[program.first]),
+        verification=verification(planned, flight, _at_begins(program, nodes)),
         trajectory=flight.trajectory,
         costates=replace(costates, held_off_deg=offsets),
     )
@@ -245,6 +247,12 @@ def _nodes(program: CollocationProgram, point: StoppingPoint) -> Array:
     )
 
 
+def _at_begins(program: CollocationProgram, nodes: Array) -> Array:
+    """Return the nodes at the begins of all phases that have a length, and the last node."""
+    begins = nodes[program.first]
+    return begins[np.append(np.diff(begins[:, 0]) > SAME_LENGTH, True)]
+
+
 def verdict_of(
     search: Search, proven: Proven, checks: tuple[ConstraintCheck, ...], spread: float
 ) -> Cause:
@@ -260,6 +268,13 @@ def verdict_of(
         elif not proven.exact and acting_limits(proven.found):
             reason += f"; {_TOO_FAST}"
         return Cause(Status.NOT_OPTIMAL, reason)
+    flown_kg = proven.found.end_kg if proven.flight is None else float(proven.flight.final[6])
+    if not math.isclose(flown_kg, proven.found.end_kg, rel_tol=_SAME_END):
+        return Cause(
+            Status.NOT_OPTIMAL,
+            f"the flight ends with {flown_kg:,.3f} kg instead of {proven.found.end_kg:,.3f} kg, "
+            "when flown by another integrator",
+        )
     if not math.isfinite(propellant):
         return Cause(Status.FEASIBLE, NOTHING_SAVED)
     # on the coarse intervals of the search, as the test uses dense matrices

@@ -555,7 +555,7 @@ def refined(
     search: Search, found: FoundOptimum, floors: tuple[Floor, ...], finer: float
 ) -> FoundOptimum | None:
     """Solve on finer intervals from a point; return None on failure."""
-    times = times_of(found.program, found.point.x, apart=2.0 * SAME_LENGTH)
+    times = times_of(found.program, found.point.x)
     try:
         turning = None if search.idle else turning_of(found)
         program = CollocationProgram(

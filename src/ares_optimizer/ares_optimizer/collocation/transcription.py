@@ -170,7 +170,8 @@ class CollocationProgram:
                 None: they are those of a low circular orbit.
 
         Raises:
-            ValueError: the times are not possible.
+            ValueError: the times are not possible, or a drop that waits for heating coincides with
+                another event, where it would have no limit.
         """
         self.arrays = arrays
         self.start = start
@@ -192,6 +193,8 @@ class CollocationProgram:
         self._lay_out_phases()
         self._lay_out_points()
         self._lay_out_lengths()
+        if len(self.drop_ends) < self.waiting:
+            raise ValueError("a drop that waits for heating coincides with another event")
         self._lay_out_masses()
         self._lay_out_rules(floors)
         self._assemble()
