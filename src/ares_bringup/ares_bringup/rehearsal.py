@@ -197,8 +197,8 @@ def _surplus(plan: "Solution") -> str:
     if plan.last_burn_kg > _SPARE_KG:
         return ""
     return (
-        ": the burns of fixed length reach the target without the last one, and no law wastes "
-        "what they give too much; make one of them free, or add payload"
+        ": the burns of fixed length reach the target without the last one, which leaves it no "
+        "time to correct the flight; give it a least length (min_s), or add payload"
     )
 
 

@@ -37,6 +37,8 @@ from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs
 #: the end: a law that needs more is lost, one that believes to need less finds its way.
 SAME_END = 0.005
 MOST_EARLY = 0.1
+#: Least cosine of the angle between the law's direction and the planned one at the hand-over.
+MOST_ASIDE = math.cos(math.radians(30.0))
 #: Share of the planned velocity from which a law must find its way too.
 SLOWER = 1.0 - 1e-4
 
@@ -239,24 +241,53 @@ class Law:
         """Return the programme after which the law takes over.
 
         It is the first if the law then finds a way to the planned end; else that from which on the
-        law predicts this end well, to the end of the leg; else the first that leaves a way.
+        law predicts this end well, to the end of the leg, or to its last burn if the law takes over
+        before that; else the first that leaves a way.
         """
-        if not plan.programmes:
+        left = self._past_surplus(plan)
+        if not left:
             return None
-        first = plan.programmes[0]
-        _, excess = self._excess(plan, first)
-        if -MOST_EARLY <= excess <= SAME_END:
+        first = left[0]
+        if self._finds_way(*self._excess(plan, first)):
             return first
         chosen, way, leg = None, first, -1
-        for programme in plan.programmes[1:]:
+        for programme in left[1:]:
             ends, excess = self._excess(plan, programme)
             if chosen is not None and ends != leg:
                 break
             leg = ends
-            if way is first and -MOST_EARLY <= excess <= SAME_END:
+            if way is first and self._finds_way(ends, excess):
                 way = programme
-            chosen = (chosen or programme) if abs(excess) <= SAME_END else None
+            began = chosen is not None and chosen.state["arc"][0] < ends
+            if abs(excess) <= SAME_END:
+                chosen = chosen or programme
+            elif not (began and programme.state["arc"][0] == ends):
+                chosen = None
         return chosen or way
+
+    def _past_surplus(self, plan: ArcPlan) -> tuple[Programme, ...]:
+        """Return the programmes past all burns of fixed length that the law cannot end a leg with.
+
+        Such a burn gives more than the leg takes, and the law finds no way to waste it.
+        """
+        left = plan.programmes
+        for k in np.flatnonzero(np.isfinite(self._arrays.arcs["duration"][:-1])):
+            begun = next((p for p in left if p.state["arc"][0] == k), None)
+            if begun is None or self._arrays.arcs["kind"][k] != BURN:
+                continue
+            ends, excess = self._excess(plan, begun)
+            later = tuple(p for p in left if p.state["arc"][0] > k)
+            if ends == k and later and not self._finds_way(ends, excess):
+                left = later
+        return left
+
+    def _finds_way(self, last: int, excess: float) -> bool:
+        """Return whether a law that believes in such an excess finds its way, see :meth:`_excess`.
+
+        A leg that ends by the clock leaves nothing over: it must be wasted.
+        """
+        most_early = MOST_EARLY if np.isinf(self._arrays.arcs["duration"][last]) else SAME_END
+        return -most_early <= excess <= SAME_END
 
     def _excess(self, plan: ArcPlan, programme: Programme) -> tuple[int, float]:
         """Return the leg after a programme, and how much more the law believes that it burns.
@@ -276,7 +307,25 @@ class Law:
             last, late = self._first_answer(plan, programme, share)
             if math.isinf(late):
                 return last, late
-        return last, late * float(self._arrays.arcs["mass_flow"][last]) / plan.arc_ends_kg[last]
+        # one that turns away flies another flight
+        planned = programme.direction[-1:]
+        if (planned @ self.steering["direction"][0] < MOST_ASIDE).any():
+            return last, math.inf
+        burnt_kg = late * float(self._arrays.arcs["mass_flow"][last])
+        return last, burnt_kg / plan.arc_ends_kg[last] - self._unspent()
+
+    def _unspent(self) -> float:
+        """Return the delta-V that the law does not know how to spend, over the exhaust velocity."""
+        state, solution = self.state, self.state["solution"]
+        segments = state["segments"][: state["segment_count"]]
+        if state["turn"]["held"] > 0.0 or not len(segments):
+            return 0.0
+        burn = np.clip(solution["time_to_go"] - segments["start"], 0.0, segments["duration"])
+        throttled = segments["acceleration"] * burn
+        gains = -segments["exhaust_velocity"] * np.log1p(-burn / segments["tau"])
+        gained = float(np.where(throttled > 0.0, throttled, gains).sum())
+        speed = float(np.linalg.norm(solution["velocity_to_go"]))
+        return max(0.0, gained - speed) / float(segments["exhaust_velocity"][-1])
 
     def _first_answer(self, plan: ArcPlan, programme: Programme, share: float) -> tuple[int, float]:
         """Return the leg after a programme, and how much later than planned the law ends it, s.

@@ -81,7 +81,7 @@ class ArcPlan:
             Each ends a leg, even if its length is fixed.
         floored: those before a coast that touches its floor.
         programmes: attitude in the air, and from the second on beyond it, from which a law takes
-            the first that leaves it a way to the planned end; none: the flight is above the air.
+            the first that leaves it a way to the planned end; none: the law begins at once.
         arc_ends_s: planned end of each arc, mission elapsed time.
         arc_ends_kg: planned mass there, before anything is dropped.
     """
@@ -133,7 +133,8 @@ class ArcPlan:
             record["target"][0, last] = arrays.target[0]
             record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
         self._write_round_end(record[0], arrays)
-        if holds_plane and (self.programmes or arrays.environment["boost"]["knots"][0]):
+        in_air = flies_in_air(arcs) and self.programmes
+        if holds_plane and (in_air or arrays.environment["boost"]["knots"][0]):
             self._aim_at_plane(record[0], arrays)
         for k in np.flatnonzero(np.isinf(arcs["duration"]) | ends):
             if k < self.first_arc:
@@ -281,7 +282,7 @@ def plan_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> ArcPlan:
         by_legs=trajectory.by_legs,
         held=frozenset(lifts),
         floored=frozenset(k for k, lift in lifts.items() if lift > 0.0),
-        programmes=programmes_of(trajectory, arrays) if flies_in_air(arcs) else (),
+        programmes=programmes_of(trajectory, arrays),
     )
     begin = -math.inf
     for k, start, end in trajectory.flown():

@@ -42,7 +42,7 @@ class Programme(NamedTuple):
     """Hold an attitude programme, one entry per knot.
 
     Attributes:
-        arc: index into the mission's arcs.
+        arc: index into the mission's arcs; no knots where the law begins at once.
         time: mission elapsed time as planned, s.
         speed: in the air, m/s.
         direction: of the thrust, unit vectors, shape (n, 3).
@@ -119,10 +119,13 @@ def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple
         arrays: the mission.
 
     Returns:
-        none if the forces are small all along.
+        none if the forces are small all along, and no burn before the last one is of fixed length:
+        such burns may give too much, which not every law wastes.
     """
     first = _hand_over(trajectory, arrays)
-    if not trajectory.flown_start_time[0] < first - SAME_TIME:
+    ahead = arrays.arcs[trajectory.flown_arc[:-1]]
+    fixed = (ahead["kind"] == BURN) & np.isfinite(ahead["duration"])
+    if not (trajectory.flown_start_time[0] < first - SAME_TIME or fixed.any()):
         return ()
     for k, start, stop in trajectory.flown():
         free = arrays.arcs["kind"][k] == BURN and np.isinf(arrays.arcs["duration"][k])
@@ -134,7 +137,7 @@ def programmes_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> tuple
         if arrays.arcs["kind"][k] == BURN:
             share = LATEST_SHARE if np.isinf(arrays.arcs["duration"][k]) else 1.0
             inside += list(np.linspace(start, start + share * (stop - start), LATER)[1:-1])
-        ends += [t for t in inside if t > first]
+        ends += [t for t in inside if t > first + SAME_TIME]
     environment = arrays.environment[0]
     speed = np.array(
         [
@@ -177,6 +180,10 @@ def _programme(
                 relief[rows],
             )
         )
+    state = _navigation(trajectory, end, arrays)
+    if not parts:
+        none, axes = np.zeros(0), np.zeros((0, 3))
+        return Programme(np.zeros(0, np.int64), none, none, axes, axes, none, state)
     # without thrust, turn to the direction of the next; after the last, keep it
     ahead = trajectory.direction_at(end)
     for arc, _, _, direction, _, _ in reversed(parts):
@@ -187,7 +194,7 @@ def _programme(
             ahead = direction[k]
     columns = zip(KNOTS, zip(*parts, strict=True), strict=True)
     knots: dict[str, Any] = {name: np.concatenate(column) for name, column in columns}
-    return Programme(**knots, state=_navigation(trajectory, end, arrays)).thinned(MAX_PROGRAMME)
+    return Programme(**knots, state=state).thinned(MAX_PROGRAMME)
 
 
 def _navigation(trajectory: OfflineTrajectory, t: float, arrays: MissionArrays) -> NDArray[np.void]:

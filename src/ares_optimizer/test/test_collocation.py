@@ -548,7 +548,9 @@ def test_a_flight_that_may_be_bettered_is_not_called_optimal(
     monkeypatch.setattr(report, "allowed_spread", lambda _found: 1.0)
     point = SimpleNamespace(regularized=False, unsettled=unsettled)
     found = SimpleNamespace(point=point, m_f_kg=1.0, end_kg=1.0)
-    search = SimpleNamespace(again=2, led_to=lambda _: 2, starts=2, added=(), sunk_kg=sunk_kg)
+    search = SimpleNamespace(
+        again=2, led_to=lambda _: 2, starts=2, added=(), sunk_kg=sunk_kg, idle=False
+    )
     flight = SimpleNamespace(final=np.full(7, flown_kg))
     cause = verdict_of(search, SimpleNamespace(found=found, flight=flight), (), 0.0)
     assert cause.status is status

@@ -5,6 +5,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -646,6 +647,37 @@ def test_no_law_takes_over_before_a_solid_motor_that_it_cannot_lengthen():
         end = fly_compiled(mission, law=ready(mission, solution, law)).plant
         assert judged(mission, end).end is End.TARGET, law
         assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
+@cache
+def planned_minotaur():
+    mission = load_mission(str(MISSIONS / "minotaur_iv_pad.yaml"))
+    return mission, solve(mission, "auto")
+
+
+def test_what_solids_give_too_much_is_wasted_without_jumps():
+    """Turn the thrust steadily: jumps to and fro waste the same, and no vehicle follows them."""
+    _, solution = planned_minotaur()
+    assert solution.converged
+    assert "the attitude wastes it" in solution.reason
+    last = solution.flown[-1]
+    assert last.end_s - last.start_s == pytest.approx(60.0, abs=1e-3)
+    track = solution.trajectory
+    powered = (track.thrust > 0.0) & (track.time_s > 2.5)
+    ahead = track.direction[powered]
+    turns = np.degrees(np.arccos(np.clip((ahead[1:] * ahead[:-1]).sum(axis=1), -1.0, 1.0)))
+    lit = np.diff(track.time_s[powered]) < 2.0
+    assert turns[lit].max() < 5.0
+    assert turns[lit].sum() < 300.0
+
+
+@pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
+def test_what_solids_give_too_much_is_wasted_by_every_law(law):
+    """From lift-off on, each flew its leg to the end of a solid that it could not shorten."""
+    mission, solution = planned_minotaur()
+    end = fly_compiled(mission, law=ready(mission, solution, law)).plant
+    assert judged(mission, end).end is End.TARGET
+    assert float(end["mass"]) > 0.999 * solution.m_f_kg
 
 
 @pytest.mark.trial

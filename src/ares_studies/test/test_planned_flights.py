@@ -24,7 +24,7 @@ from ares_models.arrays import (
 )
 from ares_models.judge import End
 from ares_models.kernels.coast import coast as coasted
-from ares_models.mission import load_mission
+from ares_models.mission import load_mission, parse_mission
 from ares_models.orbits import Elements, Insertion
 from ares_optimizer.solution import Cause, Status, failed
 from ares_optimizer.solve import solve
@@ -573,6 +573,32 @@ def test_a_launcher_arrives_with_what_is_planned(file, name):
     plant = fly_compiled(mission, law=law).plant
     assert judged(mission, plant).end is End.TARGET
     assert plant["mass"] > 0.999 * plan.m_f_kg
+
+
+def pegasus_with_a_last_burn(least_s):
+    text = (LAUNCHERS / "pegasus_haps.yaml").read_text()
+    least = f"burn_time_s: free\n        min_s: {least_s}"
+    return parse_mission(text.replace("burn_time_s: free", least), "pegasus.yaml")
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
+def test_a_flight_above_the_air_wastes_what_its_solids_give_too_much(name):
+    mission = pegasus_with_a_last_burn(60.0)
+    plan = solve(mission, "auto")
+    assert plan.converged, plan.reason
+    last = plan.flown[-1]
+    assert last.end_s - last.start_s == pytest.approx(60.0, abs=1e-3)
+    plant = fly_compiled(mission, law=ready(mission, offline_trajectory(plan), name)).plant
+    assert judged(mission, plant).end is End.TARGET
+    assert plant["mass"] > 0.999 * plan.m_f_kg
+
+
+def test_a_last_burn_shorter_than_its_least_length_is_not_optimal():
+    """The two-point problem has no such bound: a burn of 2 s was called optimal."""
+    found = solve(pegasus_with_a_last_burn(60.0), "indirect")
+    assert not found.converged
+    assert "length of arc 4" in found.reason
 
 
 def test_a_burn_before_one_that_dips_ends_a_leg():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import qr
+from scipy.sparse import csr_array
 
 from ares_models.arrays import BURN
 from ares_models.kernels.aerodynamics import mach_number
@@ -28,10 +29,10 @@ _AT_BOUND = 1e-6
 _STRAIGHT = 1e-7
 #: Multiplier above which a limit is active.
 _BINDING = 1e-8
-#: Multipliers of the motion below which no propellant can be saved, and the linear cost that
-#: then aligns the directions of thrust.
+#: Multipliers of the motion below which no propellant can be saved, and the cost of a turn of the
+#: thrust by 1 rad, evenly over the flight, that then holds it steady.
 _IDLE = 1e-6
-_ALIGNING = 1e-4
+_TURNING = 1e-6
 #: Mach number beyond which the drag coefficient is steady, change of it that counts as 1 rad of a
 #: turn, turn for each end of an active limit, rad, its duration, s, and samples of it all.
 _FASTEST_MACH = 4.0
@@ -124,18 +125,29 @@ def is_idle(found: FoundOptimum) -> bool:
     return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
 
 
-def align_directions(program: CollocationProgram, x: Array) -> None:
-    """Add a linear cost that aligns the directions of each guided phase.
+def penalize_turning(program: CollocationProgram) -> None:
+    """Add a cost of the turning of the thrust, where the mass does not depend on it.
 
-    Used where the mass does not depend on them.
+    Directions that waste the same are one as good as the other, jumps to and fro too. The cost is
+    the integral of the squared rate over the thrust, with the lengths of the trial flight.
     """
-    for p in range(len(program.phases)):
-        if program.steering[p] == GUIDED:
-            at = program.control_of[p][:, None] + np.arange(3)
-            mean = x[at].mean(axis=0)
-            program.linear_cost[at] = (
-                -_ALIGNING * mean / (len(at) * max(float(np.linalg.norm(mean)), 1e-9))
-            )
+    guided = program.points[program.steering[program.points["phase"]] == GUIDED]
+    pieces = program.segments[guided["phase"]]
+    times = pieces["start"] + guided["fraction"] * (pieces["end"] - pieces["start"])
+    steps = np.maximum(np.diff(times), SAME_LENGTH) / (times[-1] - times[0])
+    columns = guided["control"][:, None] + np.arange(3)
+    scales = np.repeat(np.sqrt(_TURNING / steps), 3)
+    turns = csr_array(
+        (
+            np.concatenate((-scales, scales)),
+            (
+                np.tile(np.arange(len(scales)), 2),
+                np.concatenate((columns[:-1].ravel(), columns[1:].ravel())),
+            ),
+        ),
+        shape=(len(scales), program.size),
+    )
+    program.add_cost(turns.T @ turns)
 
 
 def turning_of(found: FoundOptimum) -> Turning | None:

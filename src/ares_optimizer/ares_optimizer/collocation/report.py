@@ -12,7 +12,7 @@ from ares_models.floors import Floor
 from ares_models.judge import judge
 from ares_models.kernels.environment import heating_rate
 from ares_optimizer.collocation.arrays import COASTING, GUIDED, Q_ALPHA_RULE
-from ares_optimizer.collocation.costates import Adjoint, costates_of
+from ares_optimizer.collocation.costates import costates_of
 from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
@@ -30,7 +30,7 @@ from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
-from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
+from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
 from ares_optimizer.proof.checks import limits_of, verification
 from ares_optimizer.proof.held import held_checks, held_offsets
 from ares_optimizer.results import (
@@ -67,6 +67,11 @@ _SAME_END = 1e-6
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
 _NOTHING_KG = 0.1
+#: Reason of an optimum that no steering betters.
+_SHORTEST_BURNS = (
+    "optimal, as the free burns are no longer than they must be: those of fixed length give more "
+    "than the target takes, and the attitude wastes it"
+)
 #: Remedy where the flight turns faster than the intervals of the program resolve.
 _TOO_FAST = (
     "the vehicle keeps its limits of dynamic pressure and q alpha by sharp turns alone; raise them "
@@ -74,11 +79,15 @@ _TOO_FAST = (
 )
 
 
-def _steering_arcs(
-    program: CollocationProgram, point: StoppingPoint, adjoint: Adjoint
-) -> tuple[SteeringArc, ...]:
-    """Return a linear-tangent law per phase: the chord from first to last direction."""
+def _steering_arcs(proven: Proven, idle: bool) -> tuple[SteeringArc, ...]:
+    """Return a linear-tangent law per phase: the chord from first to last direction.
+
+    Args:
+        proven: the point of a program.
+        idle: propellant has no price, and the directions have no primer.
+    """
     arcs = []
+    program, point, adjoint = proven.found.program, proven.found.point, proven.adjoint
     lengths = program.time * point.x[program.lengths]
     begins = float(program.start["time"][0]) + np.concatenate(([0.0], np.cumsum(lengths)))
     for p, phase in enumerate(program.phases):
@@ -86,14 +95,17 @@ def _steering_arcs(
         first_mass = float(point.x[program.masses[p]]) * program.mass
         last_mass = float(point.x[program.ends[p]]) * program.mass
         primer = adjoint.by_velocity[rows]
-        if phase["steering"] != COASTING and (phase["steering"] != GUIDED or phase["in_air"]):
+        primed = phase["steering"] == GUIDED and not idle
+        if phase["steering"] != COASTING and (phase["in_air"] or not primed):
             primer = adjoint.direction[rows]
         size = max(float(np.linalg.norm(primer[0])), 1e-300)
         direction = primer[0] / size
-        rate = (primer[-1] - primer[0]) / (size * max(float(lengths[p]), SHORTEST))
+        rate = np.zeros(3)
+        if lengths[p] > SAME_LENGTH:
+            rate = (primer[-1] - primer[0]) / (size * float(lengths[p]))
         gained = 0.0
         primer_rate = None
-        if phase["steering"] == GUIDED:
+        if primed:
             scale = max(float(np.linalg.norm(adjoint.by_velocity[rows[0]])), 1e-300)
             primer_rate = -adjoint.by_position[rows[0]] / scale
         if phase["steering"] != COASTING:
@@ -152,7 +164,7 @@ def solution_of(
         proven.found.end_kg,
         search.iterations,
         elapsed,
-        arcs=_steering_arcs(program, point, proven.adjoint),
+        arcs=_steering_arcs(proven, search.idle),
         lengths_s=tuple(float(length) for length in times.lengths),
         constraints=checks,
         trajectory=_sampled(program, proven, nodes),
@@ -277,6 +289,8 @@ def verdict_of(
         )
     if not math.isfinite(propellant):
         return Cause(Status.FEASIBLE, NOTHING_SAVED)
+    if search.idle and propellant > _NOTHING_KG:
+        return Cause(Status.CONVERGED, _SHORTEST_BURNS)
     # on the coarse intervals of the search, as the test uses dense matrices
     if proven.found.point.regularized and search.best is not None and is_saddle(search.best):
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")

@@ -22,10 +22,10 @@ from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
     acting_limits,
-    align_directions,
     has_long_coast,
     lowest_in,
     mass_of,
+    penalize_turning,
     sweep_of_found,
     times_of,
     turning_of,
@@ -572,7 +572,7 @@ def refined(
     warm = None if search.idle else carried_point(program, found.program, found.point)
     guess = carried_variables(program, found.program, found.point.x)
     if search.idle:
-        align_directions(program, guess)
+        penalize_turning(program)
     known: FoundOptimum | None = None
     limited = bool(acting_limits(found))
     same = LIMITED_MASS if limited else SAME_MASS

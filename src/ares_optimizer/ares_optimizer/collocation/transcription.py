@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, tril
 
 from ares_models.arrays import BURN, MissionArrays, Record
 from ares_models.floors import Floor, orbits_of
@@ -141,7 +142,7 @@ class CollocationProgram:
         names: of the rows.
         lower, upper: bounds of the variables, shape (n,).
         row_lower, row_upper: bounds of the rows, shape (m,).
-        linear_cost: shape (n,), linear cost in addition to the mass, normally 0.
+        added_cost: shape (n, n), matrix of a quadratic cost beside the mass, see :meth:`add_cost`.
     """
 
     def __init__(
@@ -198,7 +199,8 @@ class CollocationProgram:
         self._lay_out_masses()
         self._lay_out_rules(floors)
         self._assemble()
-        self.linear_cost = np.zeros(self.size)
+        self.added_cost = csr_array((self.size, self.size))
+        self._added_curvature = np.zeros(0)
 
     def _assemble(self) -> None:
         """Hold all that is laid out for the kernels and the solver: program, rows, patterns."""
@@ -555,13 +557,20 @@ class CollocationProgram:
 
     # ---- callbacks of the solver
 
+    def add_cost(self, cost: csr_array) -> None:
+        """Add half the quadratic form of a symmetric matrix, shape (n, n), to the objective."""
+        lower = coo_array(tril(cost))
+        self.added_cost = cost
+        self._added_curvature = lower.data
+        self.hessian_pattern = tuple(map(np.append, self.hessian_pattern, lower.coords))
+
     def objective(self, x: Array) -> float:
-        """Return the negative mass at the end of the saving stage, plus the linear cost."""
-        return float(self.linear_cost @ x) - float(x[self.ends[self.saving]])
+        """Return the negative mass at the end of the saving stage, plus the added cost."""
+        return 0.5 * float(x @ (self.added_cost @ x)) - float(x[self.ends[self.saving]])
 
     def gradient(self, x: Array, out: Array) -> None:
         """Write the gradient of :meth:`objective`."""
-        out[:] = self.linear_cost
+        out[:] = self.added_cost @ x
         out[self.ends[self.saving]] -= 1.0
 
     def rows(self, x: Array, out: Array) -> None:
@@ -579,4 +588,6 @@ class CollocationProgram:
 
     def hessian(self, x: Array, multipliers: Array, factor: float, out: Array) -> None:
         """Write the entries of the Hessian of the Lagrangian."""
-        fill_hessian(x, multipliers, self.program, self.mission, out)
+        moving = out.size - self._added_curvature.size
+        fill_hessian(x, multipliers, self.program, self.mission, out[:moving])
+        out[moving:] = factor * self._added_curvature

@@ -37,6 +37,8 @@ _PER_S = 10.0  # samples of the pressures
 #: planned attitude without correction and may be tens of metres lower, where the density is up to
 #: 1 % higher (scale height 6 km at 110 km).
 HEATING_SHARE_IN_AIR = 1e-2
+#: Tolerance of the length of the last burn, s.
+_SAME_LENGTH_S = 1e-3
 _ACTIVE = 1e-3  # relative distance to its limit within which an inequality is active
 
 
@@ -93,7 +95,32 @@ def constraint_table(
             PROPELLANT_KG,
         ),
         *_pressure_checks(arrays, flight),
+        *_last_burn_checks(arrays, start, flight),
     )
+
+
+def _last_burn_checks(
+    arrays: MissionArrays, start: Record, flight: ProofFlight
+) -> list[ConstraintCheck]:
+    """Return the check of the length of the last burn, if it is free within bounds."""
+    last, begin, end = flight.plan.arcs[-1]
+    arc = arrays.arcs[last]
+    low, high = float(arc["shortest"]), float(arc["longest"])
+    if math.isfinite(arc["duration"]) or (low <= 0.0 and math.isinf(high)):
+        return []
+    length = end - (float(start["arc_start_time"]) if last == start["arc"] else begin)
+    short = length < low + _SAME_LENGTH_S
+    return [
+        ConstraintCheck(
+            Check.ARC_LENGTH,
+            f"length of arc {last}",
+            length,
+            low if short or math.isinf(high) else high,
+            short or length > high - _SAME_LENGTH_S,
+            "s",
+            low - _SAME_LENGTH_S <= length <= high + _SAME_LENGTH_S,
+        )
+    ]
 
 
 def _pressure_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
