@@ -18,14 +18,15 @@ from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
-from ares_node.diagnostics import hardware_id
+from ares_node.diagnostics import FLIGHT_TIME_S, Timing, hardware_id
 from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import Membership, Role, State
-from ares_node.qos import FLIGHT, reliable
+from ares_node.qos import DIAGNOSTIC, FLIGHT, TIMING, reliable
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.node import OptimizerNode
 from ares_trials.testing.ros import ros_context_on
+from ares_vehicle_sim import lock_step
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
@@ -229,6 +230,23 @@ def test_guidance_that_falls_silent_leaves_a_flight_on_its_last_command(graph):
     graph.wait_for_report("3 answers lost in a row: flying on without guidance")
     cutoff = next(e for e in graph.events if e.type == FlightEvent.CUTOFF)
     assert cutoff.time == pytest.approx(170.05, abs=1e-9)
+
+
+def test_the_simulator_says_its_time_without_guidance_too(graph, monkeypatch):
+    monkeypatch.setattr(lock_step, "PACE_PERIOD", 0.01)
+    times = []
+
+    def hear(message):
+        [time_s] = [float(item.value) for item in message.values if item.key == FLIGHT_TIME_S]
+        times.append(time_s)
+
+    graph.observer.create_subscription(Timing, TIMING, hear, DIAGNOSTIC)
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.05)
+    graph.add(ScriptedGuidance(graph.context, lambda n, command: command if n < 20 else None))
+    graph.wait_for_report("flying on without guidance")
+    lost_at = simulator.simulator.time_ns / NANOSECONDS
+    graph.spin(lambda: times[-1] > lost_at + 1.0, timeout=20.0)
+    assert times == sorted(times)
 
 
 def test_guidance_that_comes_back_is_listened_to_again(graph):

@@ -47,6 +47,7 @@ from ares_msgs.msg import (
     VehicleState,
 )
 from ares_node.diagnostics import (
+    FLIGHT_TIME_S,
     GOOD,
     LONGEST_CYCLE_MS,
     NODE,
@@ -198,6 +199,7 @@ def _diagnostics() -> DiagnosticArray:
 
 _TIMINGS = (
     {PACE: "1.0", PAUSED: "False", NODE: "/ares/vehicle_sim"},
+    {PACE: "0.0", PAUSED: "False", FLIGHT_TIME_S: "nan"},
     {PACE: "", NODE: "no name"},
     {PACE: "nan", PAUSED: "x", NODE: ""},
     {VERDICT: "good", GOOD: "True"},

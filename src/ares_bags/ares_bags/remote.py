@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_bags.playback import Playback
-from ares_node.diagnostics import PACE, PAUSED, Timing, pace_message, timing
+from ares_node.diagnostics import PACE, PAUSED, REPLAYED, Timing, pace_message, timing
 from ares_node.qos import DIAGNOSTIC
 
 #: Wall time in s between reports of the pace.
@@ -64,7 +64,7 @@ def remote(
 
     def say() -> None:
         rate, paused = playback.rate, playback.paused
-        out.publish(pace_message(node, flight_id, rate, paused, replayed=True))
+        out.publish(pace_message(node, flight_id, rate, paused, {REPLAYED: True}))
 
     def tell(facts: Mapping[str, object]) -> None:
         deadline = time.monotonic() + TELL_TIMEOUT

@@ -106,20 +106,17 @@ def flight_graph(
             context.try_shutdown()
 
 
-def make_watch(
-    monitor: "FlightMonitor", pace: float, terms: Callbacks, stop: "StopSignals"
-) -> Watch:
+def make_watch(monitor: "FlightMonitor", terms: Callbacks, stop: "StopSignals") -> Watch:
     """Make the watch over a flight.
 
     Args:
         monitor: of the flight.
-        pace: real-time factor; 0: as fast as guidance answers.
         terms: callbacks of the flight.
         stop: signals so far.
     """
     # only on a terminal: for a program, the lines must not depend on the machine's speed
     patience = PATIENCE if sys.stderr.isatty() else math.inf
-    return Watch(monitor, pace, terms.say, lambda: stop.requested, terms.begun, patience)
+    return Watch(monitor, terms.say, lambda: stop.requested, terms.begun, patience)
 
 
 @contextmanager

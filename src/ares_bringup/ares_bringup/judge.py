@@ -38,7 +38,6 @@ PARAMETERS = (
     Parameter("mission", "ares_v", "Mission that is flown: name, or path of its file."),
     Parameter("law", "peg", "Guidance law, for the summary of a flight without its status."),
     Parameter("bag", "", "Folder of the bag, for the summary; empty: none."),
-    Parameter("pace", 0.0, "Real-time factor of the flight; 0: as fast as may be.", minimum=0.0),
     Parameter(
         "expected_recorders",
         0,
@@ -75,7 +74,7 @@ class JudgeNode(FlightNode):
 
     def activate(self) -> None:
         """Start watching."""
-        self._watch = Watch(self._monitor, self.values["pace"], say, lambda: False)
+        self._watch = Watch(self._monitor, say, lambda: False)
         self._looks = self.wall_timer(LOOK_PERIOD, self._on_look)
 
     def deactivate(self) -> None:

@@ -19,6 +19,7 @@ from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
     EXIT_STATUS,
     FINAL_MASS_KG,
+    FLIGHT_TIME_S,
     GOOD,
     LONGEST_CYCLE_MS,
     LOWEST_COAST_M,
@@ -82,7 +83,7 @@ class FlightMonitor:
     Attributes:
         node: owner of its endpoints.
         summary: filled during the flight.
-        last_heard: wall time of the last message, s of time.monotonic().
+        last_heard: wall time of the last sign that the flight goes on, s of time.monotonic().
         when_ended: called when the flight has ended.
         held: withhold the judge's agreement, so that the flight does not start; see `let_go`.
         pages: browsers in which the live page is open; -1: it is not served yet.
@@ -111,6 +112,7 @@ class FlightMonitor:
         self._say = say
         self._said = 0
         self._first_status: tuple[float, float] | None = None
+        self._flown: float | None = None
         lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
         self._inputs = [
             node.create_subscription(kind, topic, callback, qos, event_callbacks=lost)
@@ -277,13 +279,16 @@ class FlightMonitor:
             return
         said = {item.key: item.value for item in status.values}
         longest, pages = number_of(said, LONGEST_CYCLE_MS), number_of(said, PAGES)
+        flown = number_of(said, FLIGHT_TIME_S)
         if longest is not None:
             self.summary.longest_cycle_ms = longest
         if pages is not None:
             self.pages = int(pages)
-        if said.get(PAUSED) == str(True) or (number_of(said, PACE) or 0.0) > 0.0:
-            # the simulator waits for the wall clock and is not stuck
+        waits = said.get(PAUSED) == str(True) or (number_of(said, PACE) or 0.0) > 0.0
+        if waits or flown not in (None, self._flown):
+            # the simulator waits for the wall clock, or flies on: it is not stuck
             self.last_heard = time.monotonic()
+            self._flown = flown
 
     def _pass_on(self, line: str) -> None:
         self._said += 1

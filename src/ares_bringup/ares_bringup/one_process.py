@@ -43,7 +43,7 @@ def fly_in_process(
             for name in (OPTIMIZER, VIEW, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
-            watch = make_watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
+            watch = make_watch(monitor, terms, stop)
             with spinning(monitor, executor, stop) as spinner:
                 for node in nodes.values():
                     node.when_done = spinner.come_back

@@ -99,7 +99,7 @@ def fly_in_processes(
                 start(name)
         with flight_graph(summary, say, lambda: False) as (monitor, executor, stop):
             audience.come(monitor)
-            watch = make_watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
+            watch = make_watch(monitor, terms, stop)
             with spinning(monitor, executor, stop) as spinner:
                 keep_watch(watch, spinner, lost)
 

@@ -21,11 +21,10 @@ OFF_PATIENCE = 3.0
 #: for them to say themselves why they do not.
 START_TIMEOUT = 300.0
 START_MARGIN = 60.0
-#: Wall time in s without any message, in addition to that explained by the pace, after which the
-#: flight is aborted. In a coast of hours guidance has no cycles: five hours take a minute.
-STALL_TIMEOUT = 300.0
-#: Longest flight time in s without a message: guidance sends one per cycle.
-LONGEST_SILENCE = 100.0
+#: Wall time in s without a sign that the flight goes on, after which it is aborted. The simulator
+#: gives one each second; the longest time for which it may stand still, waiting for guidance that
+#: plans in flight, is 50 s by default.
+STALL_TIMEOUT = 60.0
 
 
 class Watch:
@@ -34,7 +33,6 @@ class Watch:
     def __init__(
         self,
         monitor: "FlightMonitor",
-        pace: float,
         say: Callable[[str], None],
         interrupted: Callable[[], bool],
         begun: Callable[[], None] = lambda: None,
@@ -44,7 +42,6 @@ class Watch:
 
         Args:
             monitor: of the flight.
-            pace: real-time factor; 0: as fast as guidance answers.
             say: gets a line for the user.
             interrupted: whether a signal requests the end.
             begun: called once when the flight has begun.
@@ -57,7 +54,6 @@ class Watch:
         self._patience = patience
         self._off = os.environ.get(RANGE) == "OFF"
         self._begun: Callable[[], None] | None = begun
-        self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
 
     def over(self) -> bool:
         """Tell whether the flight is over or aborted; the summary then has the reason.
@@ -76,8 +72,8 @@ class Watch:
             return True
         now = time.monotonic()
         if summary.started:
-            if now - self._monitor.last_heard > self._silence:
-                summary.problems.append(f"nothing heard for {self._silence:.0f} s: given up")
+            if now - self._monitor.last_heard > STALL_TIMEOUT:
+                summary.problems.append(f"nothing heard for {STALL_TIMEOUT:.0f} s: given up")
                 return True
         elif now - self._made > START_TIMEOUT + START_MARGIN:
             raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")

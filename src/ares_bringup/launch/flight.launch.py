@@ -152,7 +152,7 @@ class LaunchedFlight:
             "bag": bag,
         }
         # as the flight has it, whoever the parameter file says it to
-        about = values | {x: flown[x] for x in ("mission", "law", "pace", "seed") if x in flown}
+        about = values | {x: flown[x] for x in ("mission", "law", "seed") if x in flown}
         self._add_nodes(values, about, bool(optimizer_values(flown)))
         self.verdict.start(self.nodes)
         self.name = f"flight {id_text(flight_id)}"

@@ -10,6 +10,9 @@ $FAKE_<NAME> sets the node's behaviour:
     kill     kills itself with SIGKILL in flight
     exit1    ends with status 1 in flight
     slow     (simulator) never ends the flight
+    coast    (simulator) coasts in the middle, where it says nothing but its flight time
+    stand    (simulator) the same, but its flight time stands
+    quiet    (guidance) says nothing from the middle on
     miss     (simulator) ends far from the target
 
 The simulator ends the flight only after the others have reached their faults, however slow the
@@ -24,10 +27,11 @@ from pathlib import Path
 from typing import Any
 
 from ares_msgs.msg import FlightEvent, GuidanceStatus
+from ares_node.diagnostics import FLIGHT_TIME_S, Timing, pace_message
 from ares_node.membership import FLIGHT_ID
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
-from ares_node.qos import EVENTS, FLIGHT, FLIGHT_EVENT, GUIDANCE_STATUS
+from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, FLIGHT_EVENT, GUIDANCE_STATUS, TIMING
 from ares_node.run import run_node
 from ares_node.time import stamp_from_seconds
 
@@ -37,6 +41,8 @@ RADIUS = 6.6e6
 SPEED = 7700.0
 #: Steps of 0.02 s of the flight: it begins, faults happen, it ends.
 BEGIN, FAULT, END = 1, 30, 60
+#: Length of the coast, in steps.
+COAST = 250
 #: Readers of flight_event when all are there: monitor, guidance and recorder.
 READERS = 3
 
@@ -75,7 +81,7 @@ class FakeNode(FlightNode):
         super().__init__(name, parameters=table, **kwargs)
         self.role = name
         self.behaviour = os.environ.get(f"FAKE_{name.upper()}", "")
-        self.step = 0
+        self.step = self.coasted = 0
 
     def configure(self) -> None:
         if self.behaviour == "refuse":
@@ -83,6 +89,7 @@ class FakeNode(FlightNode):
         self.flying = False
         if self.role == "vehicle_sim":
             self.out = self.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
+            self.timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         else:
             self.create_subscription(FlightEvent, FLIGHT_EVENT, self.on_event, EVENTS)
         if self.role == "guidance":
@@ -106,6 +113,9 @@ class FakeNode(FlightNode):
             and not others_came_to_their_faults()
         ):
             return
+        if self.step == FAULT and self.coasted < COAST and self.behaviour in ("coast", "stand"):
+            self.coast()
+            return
         self.step += 1
         if self.step == FAULT:
             (marks() / self.role).write_text(str(os.getpid()))
@@ -120,7 +130,7 @@ class FakeNode(FlightNode):
                     signal.signal(number, signal.SIG_IGN)
         if self.role == "vehicle_sim":
             self.fly()
-        elif self.role == "guidance":
+        elif self.role == "guidance" and not (self.behaviour == "quiet" and self.step > FAULT):
             self.guide()
 
     def fly(self) -> None:
@@ -131,6 +141,11 @@ class FakeNode(FlightNode):
         elif self.step == END and self.behaviour != "slow":
             self.event(FlightEvent.CUTOFF, 0)
             self.event(FlightEvent.FLIGHT_COMPLETE, 0)
+
+    def coast(self) -> None:
+        self.coasted += self.behaviour == "coast"
+        facts = {FLIGHT_TIME_S: self.step + self.coasted}
+        self.timing_out.publish(pace_message(self, self.values["flight_id"], 0.0, False, facts))
 
     def event(self, kind: int, index: int) -> None:
         speed = SPEED + (10.0 if self.behaviour == "miss" else 0.0)

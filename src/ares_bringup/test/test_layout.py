@@ -166,6 +166,20 @@ def test_a_flight_without_news_is_given_up(flight, monkeypatch):
     assert "nothing heard for 1 s: given up" in summary.shortcomings()
 
 
+def test_a_coast_longer_than_the_silence_allowed_is_flown(flight, monkeypatch):
+    monkeypatch.setattr(watch, "STALL_TIMEOUT", 2.0)
+    summary, said = flight(vehicle_sim="coast", guidance="quiet")
+    assert summary.shortcomings() == said == []
+    assert summary.wall_s > 5.0
+
+
+def test_a_simulator_whose_time_stands_is_given_up(flight, monkeypatch):
+    monkeypatch.setattr(watch, "STALL_TIMEOUT", 1.0)
+    summary, _ = flight(vehicle_sim="stand", guidance="quiet")
+    assert summary.outcome is Outcome.INCOMPLETE
+    assert "nothing heard for 1 s: given up" in summary.shortcomings()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_flight(flight, number):
     summary, _ = flight(lambda: os.kill(os.getpid(), number), vehicle_sim="slow")

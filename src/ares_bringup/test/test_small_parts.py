@@ -79,7 +79,7 @@ def test_discovery_that_is_off_is_said(monkeypatch):
     monkeypatch.setattr("ares_bringup.watch.time.monotonic", lambda: now[0])
     summary = SimpleNamespace(started=False)
     monitor = SimpleNamespace(summary=summary, ended=False, last_heard=0.0)
-    watch = Watch(monitor, 0.0, said.append, lambda: False, patience=math.inf)
+    watch = Watch(monitor, said.append, lambda: False, patience=math.inf)
     for seconds, lines in ((2.9, 0), (0.2, 1), (100.0, 1)):
         now[0] += seconds
         assert not watch.over()

@@ -30,6 +30,8 @@ PASSAGE = "passage"
 PACE = "pace"
 PAUSED = "paused"
 NODE = "node"
+#: Fact of a simulator: flight time, s.
+FLIGHT_TIME_S = "flight_time_s"
 #: Fact of a replay: true.
 REPLAYED = "replayed"
 #: Fact of the live page: number of browsers in which it is open.
@@ -166,7 +168,7 @@ def number_of(said: Mapping[str, str], key: str) -> float | None:
 
 
 def pace_message(
-    node: Node, flight_id: int, pace: float, paused: bool, replayed: bool = False
+    node: Node, flight_id: int, pace: float, paused: bool, more: Mapping[str, object]
 ) -> DiagnosticStatus:
     """Build the message on a flight's pace for the topic TIMING.
 
@@ -175,11 +177,10 @@ def pace_message(
         flight_id: the flight.
         pace: real-time factor; 0: as fast as possible.
         paused: the flight pauses.
-        replayed: it is a recorded one, published again.
+        more: further facts.
     """
     name = node.get_fully_qualified_name()
-    also = {REPLAYED: True} if replayed else {}
-    return timing(node, flight_id, {PACE: pace, PAUSED: paused, NODE: name, **also})
+    return timing(node, flight_id, {PACE: pace, PAUSED: paused, NODE: name, **more})
 
 
 def timing(node: Node, flight_id: int, values: Mapping[str, object]) -> DiagnosticStatus:

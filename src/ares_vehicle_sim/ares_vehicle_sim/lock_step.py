@@ -110,15 +110,14 @@ class LockStep:
     def on_watch(self) -> None:
         """Check who is missing before the flight, whether an answer is overdue in it."""
         now = time.monotonic()
-        if self.link.lost:
-            self.go_on()
-            return
         if not self.flying:
             self.on_ground(now)
             return
         if now - self._pace_published_at > PACE_PERIOD:
             self._say_pace()
-        if self.link.is_overdue(now, self._values["pace"] > 0.0):
+        if self.link.lost:
+            self.go_on()
+        elif self.link.is_overdue(now, self._values["pace"] > 0.0):
             self.link.waiting = False
             self._on_no_answer()
             self._step()

@@ -8,7 +8,7 @@ from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 
 from ares_msgs.msg import FlightEvent, NavState, VehicleState
-from ares_node.diagnostics import Timing, pace_message
+from ares_node.diagnostics import FLIGHT_TIME_S, Timing, pace_message
 from ares_node.membership import Membership
 from ares_node.node import FlightNode
 from ares_node.qos import (
@@ -111,5 +111,7 @@ class FlightPublishers:
         return ours and canonical(event) not in self._published_events
 
     def publish_pace(self, pace: float, paused: bool) -> None:
-        """Publish pace and pause for pages, and for the judge, to tell a pause from a hang."""
-        self._timing_out.publish(pace_message(self._node, self._membership.flight_id, pace, paused))
+        """Publish pace and pause for pages, and flight time for the judge, to notice a hang."""
+        facts = {FLIGHT_TIME_S: self._simulator.time_ns / NANOSECONDS}
+        flight_id = self._membership.flight_id
+        self._timing_out.publish(pace_message(self._node, flight_id, pace, paused, facts))
