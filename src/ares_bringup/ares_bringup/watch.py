@@ -25,6 +25,8 @@ START_MARGIN = 60.0
 #: gives one each second; the longest time for which it may stand still, waiting for guidance that
 #: plans in flight, is 50 s by default.
 STALL_TIMEOUT = 60.0
+#: Wall time in s between two looks above which this process itself was stopped, and heard nothing.
+STOPPED_AFTER = 5.0
 
 
 class Watch:
@@ -50,7 +52,7 @@ class Watch:
         self._monitor = monitor
         self._interrupted = interrupted
         self._say = say
-        self._made = time.monotonic()
+        self._made = self._looked = self._awake_since = time.monotonic()
         self._patience = patience
         self._off = os.environ.get(RANGE) == "OFF"
         self._begun: Callable[[], None] | None = begun
@@ -71,8 +73,11 @@ class Watch:
             summary.interrupted = True
             return True
         now = time.monotonic()
+        if now - self._looked > STOPPED_AFTER:
+            self._awake_since = now
+        self._looked = now
         if summary.started:
-            if now - self._monitor.last_heard > STALL_TIMEOUT:
+            if now - max(self._monitor.last_heard, self._awake_since) > STALL_TIMEOUT:
                 summary.problems.append(f"nothing heard for {STALL_TIMEOUT:.0f} s: given up")
                 return True
         elif now - self._made > START_TIMEOUT + START_MARGIN:

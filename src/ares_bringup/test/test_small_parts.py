@@ -87,6 +87,18 @@ def test_discovery_that_is_off_is_said(monkeypatch):
     assert "ROS_AUTOMATIC_DISCOVERY_RANGE is OFF" in said[0]
 
 
+def test_a_watch_that_was_stopped_itself_gives_nothing_up(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr("ares_bringup.watch.time.monotonic", lambda: now[0])
+    summary = SimpleNamespace(started=True, problems=[])
+    monitor = SimpleNamespace(summary=summary, ended=False, last_heard=1000.0)
+    watch = Watch(monitor, print, lambda: False)
+    for seconds, over in ((0.1, False), (500.0, False), *[(1.0, False)] * 60, (1.0, True)):
+        now[0] += seconds
+        assert watch.over() is over
+    assert summary.problems == ["nothing heard for 60 s: given up"]
+
+
 @pytest.mark.parametrize(
     ("cycles", "law"),
     [
