@@ -75,7 +75,10 @@ class Rival:
 
     def guess(self) -> IndirectGuess:
         """Return its steering as costates at the start: lambda_v = B, lambda_r = -A (Eq. 3.34)."""
-        law = steering_laws(self.found.transcription, self.found.variables)[0]
+        # the last of the start: a drop there lies before it, by the solver's tolerance
+        start = self.found.transcription.problem.start_time
+        laws = steering_laws(self.found.transcription, self.found.variables)
+        law = next((law for law in reversed(laws) if law.time <= start), laws[0])
         drops = dict(
             zip(self.found.transcription.heating_jettisons, self.found.drop_times_s, strict=True)
         )

@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 
-from ares_models.mission import load_mission
+from ares_models.mission import load_mission, parse_mission
 from ares_optimizer.direct.search import Guess
 from ares_optimizer.direct.solve import guess_from
 from ares_optimizer.registry import DIRECT_METHODS, INDIRECT_METHODS
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve
+from ares_trials.testing.flights import short_burn
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +178,13 @@ def test_a_guess_without_jettison_time_drops_where_the_heating_allows(ares_v):
     solution = solve(ares_v, guess=free, verify=False)
     assert solution.converged
     assert solution.m_f_kg == pytest.approx(first.m_f_kg, abs=0.01)
+
+
+def test_a_part_that_drops_at_the_start_is_no_defect():
+    solution = solve(parse_mission(yaml.safe_dump(short_burn()), "a test"), "auto")
+    assert solution.converged, solution.reason
+    assert solution.jettison_times_s == pytest.approx([1000.0])
+    assert solution.verification.mass_defect_kg < 1e-6
 
 
 def test_guess_from_a_failure_is_refused(ares_v):

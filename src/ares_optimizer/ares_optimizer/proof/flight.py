@@ -100,13 +100,13 @@ class ProofFlight:
 
         Args:
             nodes: shape (k, 8): time s, position m, velocity m/s, mass kg. At an event the
-                nearer side counts.
+                nearer side counts; the start is given, and may have a drop at once.
 
         Returns:
             distance in m, in m/s and in kg.
         """
         worst = np.zeros(3)
-        for node in nodes:
+        for node in nodes[nodes[:, 0] > self.pieces[0].begin + _SIDE]:
             sides = [
                 np.abs(piece.state(min(max(node[0], piece.begin), piece.end)) - node[1:])
                 for piece in self.pieces
