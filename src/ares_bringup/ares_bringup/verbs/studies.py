@@ -129,7 +129,12 @@ def optimize(
     maximize: Maximized = None,
     window: LaunchWindow = None,
     time_limit: Annotated[
-        float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
+        float,
+        typer.Option(
+            min=0.0,
+            help="Wall time after which the search is given up, s; "
+            "`--maximize` and `--window` make several.",
+        ),
     ] = 120.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     out: Annotated[
