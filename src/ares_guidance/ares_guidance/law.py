@@ -245,7 +245,7 @@ class Law:
         before that; else the first that leaves a way.
         """
         left = self._past_surplus(plan)
-        if not left:
+        if not left or not len(left[0].time):
             return None
         first = left[0]
         if self._finds_way(*self._excess(plan, first)):

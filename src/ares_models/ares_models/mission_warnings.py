@@ -381,7 +381,9 @@ def _plane_from_pad(mission: "Mission") -> Iterator[Doubt]:
     radians = latitude <= meant <= 180.0 - latitude and least > 0.0
     highest = _highest(mission)
     low = highest is not None and highest < LOW * mission.environment.earth.equatorial_radius_m
-    if least > LARGEST_DOG_LEG_DEG or (radians and low and least > SAME_PLANE_DEG):
+    if (least > LARGEST_DOG_LEG_DEG and not _turns_high_up(mission)) or (
+        radians and low and least > SAME_PLANE_DEG
+    ):
         yield Doubt(
             ("target", "inclination_deg"),
             f"is {target.inclination_deg:g}, a plane that does not reach the pad's latitude, "
@@ -399,6 +401,21 @@ def _plane_from_pad(mission: "Mission") -> Iterator[Doubt]:
                 f"is {getattr(target, key):g}, a plane that is {off:.1f} deg off the pad at the "
                 "start; another time of launch brings the pad into it",
             )
+
+
+def _turns_high_up(mission: "Mission") -> bool:
+    """Return true if a burn after a free coast can turn the plane at a high apogee, for little."""
+    target = mission.target
+    coasts = [
+        arc
+        for stage in mission.stages
+        for arc in stage.flight_arcs
+        if isinstance(arc, CoastArc) and arc.free
+    ]
+    if not coasts or not isinstance(target, TargetOrbit):
+        return False
+    high = LOW * mission.environment.earth.equatorial_radius_m
+    return not target.conic(mission).apogee < high
 
 
 def _turned(before: Insertion, node: float, inclination_deg: float | None) -> float:

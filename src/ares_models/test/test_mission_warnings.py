@@ -217,6 +217,11 @@ def test_of_a_plane_through_the_pad_nothing_is_said(tmp_path, inclination):
     assert warnings(load_mission(file)) == []
 
 
+def test_of_a_plane_that_is_turned_at_a_high_apogee_nothing_is_said(tmp_path):
+    file = changed(tmp_path, {"target.inclination_deg": 3.0}, base="falcon9_gto_pad")
+    assert warnings(load_mission(file)) == []
+
+
 @pytest.mark.parametrize("knots", [[[10.0, 5.0, 0.0]], [[0.0, 5.0, 0.0], [150.0, 9.0, 0.0]]])
 def test_of_a_wind_near_the_ground_nothing_is_said(tmp_path, knots):
     file = changed(tmp_path, {"environment.atmosphere.wind_table": knots})

@@ -53,6 +53,9 @@ def held_offsets(
         directions = []
         for piece in flight.pieces:
             middle = 0.5 * (piece.begin + piece.end)
+            if piece.end - piece.begin <= 2.0 * _SAME_TIME:
+                # between two events at once; its costates may be one sample
+                continue
             if not any(engine.begin < middle < engine.end for engine in engines):
                 continue
             primer = _primer_in(piece, costates)
