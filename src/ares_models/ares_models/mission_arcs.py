@@ -265,7 +265,8 @@ class BurnArc(Part):
         if self.attitude == "held":
             fail(("attitude",), "held", "guided, beside vertical_rise_s")
         if self.free:
-            fail(("vertical_rise_s",), rise, "no such key beside burn_time_s: free")
+            expected = "a burn of fixed length for it, before the one with burn_time_s: free"
+            fail(("vertical_rise_s",), rise, expected)
         if rise >= self.duration_s:
             fail(("vertical_rise_s",), rise, f"less than the burn, {self.duration_s:g} s")
 

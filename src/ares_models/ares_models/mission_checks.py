@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks across a whole mission: masses that close, times in order, a target in reach."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -172,8 +173,30 @@ def _check_jettison_times(mission: "Mission") -> None:
                 jettison.time_s,
                 f"at least {earliest:g} s, when stage {jettison.stage} ignites",
             )
+    _check_jettison_before_next_stage(mission)
     if mission.plans_arcs:
         _check_jettison_before_free_arcs(mission)
+
+
+def _check_jettison_before_next_stage(mission: "Mission") -> None:
+    """Report a drop by the clock that comes after the next stage ignites, if that is known."""
+    ignition = mission.ignition_times()
+    for k, jettison in enumerate(mission.jettisons):
+        i = mission.stage_names.index(jettison.stage)
+        after = jettison.time_after_ignition_s
+        if after is None or i + 1 == len(mission.stages):
+            continue
+        following = mission.stages[i + 1]
+        coasts = itertools.takewhile(lambda arc: isinstance(arc, CoastArc), following.flight_arcs)
+        room = ignition[i + 1] - ignition[i]
+        known = not any(arc.free for arc in (*mission.stages[i].flight_arcs, *coasts))
+        if known and after > room:
+            fail(
+                ("jettisons", k, "time_after_ignition_s"),
+                after,
+                f"at most {room:g} s, when stage {following.name} ignites; for a later drop name "
+                "that stage",
+            )
 
 
 def _check_jettison_before_free_arcs(mission: "Mission") -> None:

@@ -526,6 +526,13 @@ BROKEN = {
         "jettisons[0].time_s",
         "is 300.0; expected at least 337.15 s, when stage upper stage ignites",
     ),
+    "jettison after the next stage has ignited": (
+        "heating_limit_w_m2: 1135.0",
+        """heating_limit_w_m2: 1135.0
+  - {name: ring, mass_kg: 10.0, stage: core, time_after_ignition_s: 200.0}""",
+        "jettisons[1].time_after_ignition_s",
+        "is 200.0; expected at most 181.25 s, when stage upper stage ignites; for a later drop name",
+    ),
     "two stages of one name": (
         "- name: upper stage",
         "- name: core",

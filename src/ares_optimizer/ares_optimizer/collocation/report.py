@@ -177,8 +177,8 @@ def solution_of(
     if flight is None:
         return solution
     offsets = held_offsets(planned, flight, proven.steering, costates)
-    directions = held_checks(planned, flight, offsets)
-    checks = (*checks, *directions)
+    if not search.idle:
+        checks = (*checks, *held_checks(planned, flight, offsets))
     return replace(
         solution,
         **verdict_of(search, proven, checks, spread)._asdict(),
