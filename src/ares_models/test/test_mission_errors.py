@@ -531,7 +531,7 @@ BROKEN = {
         """heating_limit_w_m2: 1135.0
   - {name: ring, mass_kg: 10.0, stage: core, time_after_ignition_s: 200.0}""",
         "jettisons[1].time_after_ignition_s",
-        "is 200.0; expected at most 181.25 s, when stage upper stage ignites; for a later drop name",
+        "is 200.0; expected at most 181.25 s, when stage upper stage ignites; for a later drop",
     ),
     "two stages of one name": (
         "- name: upper stage",
