@@ -125,7 +125,7 @@ def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
         r"ares: law is 'optimal', which misses the target when the mission is flown ahead \("
         r"(.* off by .*, allowed .*)+\); no other law reaches it: the burns of fixed length reach "
         r"the target without the last one, which leaves it no time to correct the flight; give it "
-        r"a least length \(min_s\), or add payload\n",
+        r"a longer least length \(min_s\), or add payload\n",
         done.stderr,
     )
     assert not bag.exists()

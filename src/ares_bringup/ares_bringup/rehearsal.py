@@ -198,7 +198,7 @@ def _surplus(plan: "Solution") -> str:
         return ""
     return (
         ": the burns of fixed length reach the target without the last one, which leaves it no "
-        "time to correct the flight; give it a least length (min_s), or add payload"
+        "time to correct the flight; give it a longer least length (min_s), or add payload"
     )
 
 

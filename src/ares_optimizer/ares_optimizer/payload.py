@@ -34,12 +34,15 @@ class Greatest(NamedTuple):
     Attributes:
         mission: with the payload.
         payload_kg: the payload.
-        solution: the flight that uses all propellant of the last stage, within the tolerance.
+        solution: the flight that uses all propellant of the last stage, within the tolerance, or
+            the last one found.
+        left_kg: propellant beyond that tolerance, where no flight is found with more payload.
     """
 
     mission: Mission
     payload_kg: float
     solution: Solution
+    left_kg: float = 0.0
 
 
 def _flown(
@@ -118,7 +121,10 @@ def greatest_payload(
             middle = low + (high - low) * left_low / (left_low - left_high)
             # aim at a small remainder of propellant
             middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
-        middle, there = _flown(mission, middle, low, deadline)
+        try:
+            middle, there = _flown(mission, middle, low, deadline)
+        except OptimizerError:
+            break
         if there >= 0.0:
             low, left_low, left_high = middle, there, 0.5 * left_high
         else:
@@ -137,7 +143,7 @@ def greatest_payload(
                 for check in found.constraints
             ),
         )
-    return Greatest(best, low, found)
+    return Greatest(best, low, found, left_low if left_low > enough else 0.0)
 
 
 def _with_any_propellant(mission: Mission, deadline: Deadline, verify: bool = False) -> Solution:

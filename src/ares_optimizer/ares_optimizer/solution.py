@@ -51,8 +51,8 @@ OPTIMAL = Cause(Status.CONVERGED, "optimal")
 NOTHING_SAVED = "no burn is free, so the mass at cut-off is given and nothing is left to optimize"
 #: What to do where the free burns take nothing, and how the rest is wasted is not found exactly.
 TOO_MUCH = (
-    "the burns of fixed length reach the target without the free ones: give the last one a least "
-    "length (min_s), or add payload"
+    "the burns of fixed length reach the target without the free ones: give the last one a longer "
+    "least length (min_s), or add payload"
 )
 OUT_OF_TIME = Cause(Status.TIME_LIMIT, "the time limit passed before the search ended")
 

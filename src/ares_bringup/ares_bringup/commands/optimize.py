@@ -143,12 +143,18 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
         mission_name, as_json, lambda mission, tell: greatest_payload(mission, time_limit_s, tell)
     )
     if as_json:
-        text = {"payload_kg": found.payload_kg, **found.solution.to_json(mission.arc_names)}
+        known = {"payload_kg": found.payload_kg, "left_kg": found.left_kg}
+        text = {**known, **found.solution.to_json(mission.arc_names)}
         print(json.dumps(text, indent=2, allow_nan=False))
     else:
         out = console()
         asked = mission.payload_kg or 0.0
         out.print(f"greatest payload: {found.payload_kg:,.2f} kg; the file has {asked:,.2f} kg")
+        if found.left_kg:
+            out.print(
+                f"{found.left_kg:,.3g} kg of propellant are left: with more payload no flight is "
+                "found, and there may be one"
+            )
         _print(found.mission, found.solution, out)
     return VERDICTS.get(found.solution.status, NOT_FOUND)[1]
 
