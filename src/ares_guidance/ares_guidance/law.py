@@ -273,13 +273,17 @@ class Law:
         left = plan.programmes
         for k in np.flatnonzero(np.isfinite(self._arrays.arcs["duration"][:-1])):
             begun = next((p for p in left if p.state["arc"][0] == k), None)
-            if begun is None or self._arrays.arcs["kind"][k] != BURN:
+            if begun is None or not self._burns(begun):
                 continue
             ends, excess = self._excess(plan, begun)
-            later = tuple(p for p in left if p.state["arc"][0] > k)
+            later = tuple(p for p in left if p.state["arc"][0] > k and self._burns(p))
             if ends == k and later and not self._finds_way(ends, excess):
                 left = later
         return left
+
+    def _burns(self, programme: Programme) -> bool:
+        """Return whether the law takes over in a burn."""
+        return bool(self._arrays.arcs["kind"][programme.state["arc"][0]] == BURN)
 
     def _finds_way(self, last: int, excess: float) -> bool:
         """Return whether a law that believes in such an excess finds its way, see :meth:`_excess`.
@@ -307,12 +311,19 @@ class Law:
             last, late = self._first_answer(plan, programme, share)
             if math.isinf(late):
                 return last, late
-        # one that turns away flies another flight
-        planned = programme.direction[-1:]
-        if (planned @ self.steering["direction"][0] < MOST_ASIDE).any():
+        if self._turns_away(programme):
             return last, math.inf
         burnt_kg = late * float(self._arrays.arcs["mass_flow"][last])
         return last, burnt_kg / plan.arc_ends_kg[last] - self._unspent()
+
+    def _turns_away(self, programme: Programme) -> bool:
+        """Return whether the law begins in another direction than planned: with another flight."""
+        if programme.next_thrust is None:
+            return False
+        lit, planned = programme.next_thrust
+        answer = self.steering[0]
+        begun = answer["direction"] + (lit - answer["reference_time"]) * answer["direction_rate"]
+        return bool(planned @ begun < MOST_ASIDE * np.linalg.norm(begun))
 
     def _unspent(self) -> float:
         """Return the delta-V that the law does not know how to spend, over the exhaust velocity."""

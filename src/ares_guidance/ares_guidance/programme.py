@@ -28,6 +28,8 @@ LATEST_SHARE = 0.75
 #: Forces of the air, as a share of the thrust, below which a law takes over in a burn that ends
 #: low, where they are not small before that share of it.
 HANDED_OVER_SHARE = 0.01
+#: Time from which on a burn has a direction that counts, s.
+LASTING_S = 1.0
 #: Error of the direction between two knots that is next to nothing, rad, and rate of the direction
 #: by which an error of the time counts, rad/s.
 _STRAIGHT = 1e-5
@@ -49,6 +51,8 @@ class Programme(NamedTuple):
         air_direction: of the planned velocity in the air, unit vectors, shape (n, 3).
         relief: turn of the thrust per turn of that direction.
         state: planned navigation state at the hand-over, shape (1,), dtype NAVIGATION.
+        next_thrust: time from which thrust lasts after it, s, and its planned direction then, a
+            unit vector; None: there is none.
     """
 
     arc: NDArray[np.int64]
@@ -58,6 +62,7 @@ class Programme(NamedTuple):
     air_direction: Array
     relief: Array
     state: NDArray[np.void]
+    next_thrust: tuple[float, Array] | None = None
 
     def record(self) -> NDArray[np.void]:
         """Return the programme for the kernels, shape (1,), dtype PROGRAMME."""
@@ -194,7 +199,19 @@ def _programme(
             ahead = direction[k]
     columns = zip(KNOTS, zip(*parts, strict=True), strict=True)
     knots: dict[str, Any] = {name: np.concatenate(column) for name, column in columns}
-    return Programme(**knots, state=state).thinned(MAX_PROGRAMME)
+    ahead = _next_thrust(trajectory, arrays, end)
+    return Programme(**knots, state=state, next_thrust=ahead).thinned(MAX_PROGRAMME)
+
+
+def _next_thrust(
+    trajectory: OfflineTrajectory, arrays: MissionArrays, end: float
+) -> tuple[float, Array] | None:
+    """Return time and direction of the first thrust from a time on that lasts; None: none does."""
+    for k, start, stop in trajectory.flown():
+        begin = max(start, end)
+        if arrays.arcs["kind"][k] == BURN and stop - begin > LASTING_S:
+            return begin, trajectory.sample_direction[trajectory.rows_between(begin, stop)[0]]
+    return None
 
 
 def _navigation(trajectory: OfflineTrajectory, t: float, arrays: MissionArrays) -> NDArray[np.void]:

@@ -229,10 +229,13 @@ def _moved(found: FoundOptimum, floors: dict[int, Floor], levels: dict[int, floa
 
 
 def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
-    """Fly a point of a program by another integrator, if the request asks to verify."""
+    """Fly a point of a program by another integrator, if the request asks to verify.
+
+    Directions that no price of propellant settles are always flown: they need fine intervals.
+    """
     program, point, request = found.program, found.point, search.request
     steering = steering_of(program, point, adjoint)
-    if not request.verify:
+    if not (request.verify or search.idle):
         return Proven(found, adjoint, steering, None, (), exact=True)
     times = times_of(program, point.x, apart=0.0)
     planned = with_lengths(search.arrays, search.start[0], times.lengths)
