@@ -24,7 +24,7 @@ from ares_models.floors import floors_of
 from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.mission import MissionError, load_mission, parse_mission
-from ares_optimizer.collocation.guess import ascents_to_park
+from ares_optimizer.collocation.guess import ascents_to_park, without_speed
 from ares_optimizer.collocation.pilot import Pilot
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import moved_events
@@ -728,6 +728,32 @@ def test_an_ascent_alone_ends_at_the_perigee_of_the_way_to_the_target():
     assert low == pytest.approx(6378137.0 + 185e3)
     fast = math.sqrt(2.0 * mu * (1.0 / low - 1.0 / (low + high)))
     assert float(alone.target["speed"][0]) == pytest.approx(fast)
+
+
+@pytest.mark.parametrize(("node", "turned"), [(136.3, False), (142.0, False), (170.0, True)])
+def test_an_ascent_alone_is_flown_to_the_side_of_the_named_node(node, turned):
+    """Southward; from a plane far from the pad it is turned, so that it passes over the pad."""
+    text = TWO_BURNS.format(thrust=800000.0).replace(
+        "inclination_deg: 30.0", f"inclination_deg: 30.0, ascending_node_deg: {node}"
+    )
+    mission = parse_mission(text, "two.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    whole = Pilot(arrays, start, floors_of(arrays, start))
+    alone = next(ascents_to_park(whole))
+    tilt, wanted = (float(of.target["inclination"][0]) for of in (alone, arrays))
+    assert (abs(tilt - wanted) > 1e-3) == turned
+    for way in (alone, without_speed(alone)):
+        assert whole.plane @ Pilot(way, start, ()).plane == pytest.approx(1.0)
+
+
+def test_a_southward_node_is_planned_with_a_coast():
+    """By way of the northward plane the search ended on the reversed orbit."""
+    text = TWO_BURNS.format(thrust=800000.0).replace("400000", "820000")
+    text = text.replace("inclination_deg: 30.0", "inclination_deg: 97.4, ascending_node_deg: 127.5")
+    solution = solve(parse_mission(text, "south.yaml"), "auto")
+    assert solution.converged, solution.reason
+    # 2 kg less than with the node free
+    assert solution.m_f_kg == pytest.approx(2018.479, rel=1e-4)
 
 
 def test_a_free_coast_at_the_staging_is_planned_beside_one_in_orbit():

@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 from ares_models.arrays import (
     BURN,
     COAST,
-    NAMES_FLIGHT_PATH_ANGLE,
+    NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
-    NAMES_RADIUS,
+    NAMES_SPEED,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
     MissionArrays,
 )
 from ares_models.floors import Floor
+from ares_models.kernels.judging import judged_by
+from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.pilot import (
     CONSTANTS,
@@ -87,6 +90,10 @@ _APOGEE = 0.98
 _HIGH = 1.01
 #: The same, from which the way by a circle is the likelier one.
 _HIGH_UP = 1.5
+#: Elements that name a plane, and cosine of its angle to the pad up to which an ascent turns into
+#: it rather than into the nearest plane over the pad.
+_PLANE = NAMES_INCLINATION | NAMES_ASCENDING_NODE
+_NEAR_PLANE = math.cos(math.radians(8.0))
 #: Groups of a flight with one burn after its ascent; perigees above and below a parking orbit at
 #: which a circle is flown, m.
 _TWO = 2
@@ -316,6 +323,12 @@ def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | 
     target["speed"] = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
     target["flight_path_angle"] = 0.0
     plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
+    if pilot.plane is not None and int(judged_by(arrays.target[0])) & _PLANE == _PLANE:
+        # two planes of one inclination pass over the pad
+        wanted = np.array(named_plane(arrays.target[0]))
+        plane = wanted if wanted @ plane > _NEAR_PLANE else plane
+        target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
+        target["ascending_node"] = math.atan2(plane[0], -plane[1])
     target["inclination"] = math.acos(float(plane[2]))
     return arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
 
@@ -323,8 +336,8 @@ def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | 
 def without_speed(alone: MissionArrays) -> MissionArrays:
     """Return the mission of a first group with free speed at its end."""
     target = alone.target.copy()
+    target["named"] = int(judged_by(target[0])) & ~NAMES_SPEED
     target["kind"] = TARGET_ELEMENTS
-    target["named"] = NAMES_RADIUS | NAMES_FLIGHT_PATH_ANGLE | NAMES_INCLINATION
     return alone._replace(target=target)
 
 

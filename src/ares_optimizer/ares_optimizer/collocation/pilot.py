@@ -28,6 +28,7 @@ from ares_models.arrays import (
 from ares_models.floors import Floor, orbits_of
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.judging import judged_by
+from ares_models.kernels.targets import named_plane
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.transcription import FreeTimes, segments_of
@@ -423,10 +424,7 @@ def plane_from_ground(arrays: MissionArrays, start: NDArray[np.void]) -> Array |
     if named & NAMES_INCLINATION:
         tilt = float(target["inclination"])
         if named & NAMES_ASCENDING_NODE:
-            node = float(target["ascending_node"])
-            normal = np.array(
-                [math.sin(node) * math.sin(tilt), -math.cos(node) * math.sin(tilt), math.cos(tilt)]
-            )
+            normal = np.array(named_plane(target))
             normal = normal - (normal @ up) * up
         else:
             east = np.cross([0.0, 0.0, 1.0], up)
