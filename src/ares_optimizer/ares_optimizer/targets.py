@@ -118,3 +118,25 @@ def figures_of(target: Record, position: Array, velocity: Array, mu: float) -> t
     found["c3"] = float(velocity @ velocity) - 2.0 * mu / float(np.linalg.norm(position))
     values = [(float(found.get(row.key, math.nan)), row.unit) for row in target_rows(target)]
     return tuple(math.degrees(value) if unit == "deg" else value for value, unit in values)
+
+
+def miss_line(target: Record, position: Array, velocity: Array, mu: float) -> str:
+    """Describe the errors of a state against a target, the two largest.
+
+    Args:
+        target: record TARGET.
+        position: m, shape (3,).
+        velocity: m/s, shape (3,).
+        mu: m3/s2.
+    """
+    parts = []
+    figures = figures_of(target, position, velocity, mu)
+    for figure, row in zip(figures, target_rows(target), strict=True):
+        wanted = in_unit(target, row)
+        off = figure - wanted
+        if row.turn:
+            off = half_turn(off)
+        size = 1.0 if row.unit in ("deg", "1") else max(abs(wanted), 1.0)
+        parts.append((abs(off) / size, f"{row.name} off by {off:,.4g} {row.unit}"))
+    parts.sort(key=lambda part: -part[0])
+    return "; ".join(line for _, line in parts[:2])

@@ -24,13 +24,16 @@ from ares_models.floors import floors_of
 from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.mission import MissionError, load_mission, parse_mission
-from ares_optimizer.collocation.guess import ascents_to_park, without_speed
+from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
 from ares_optimizer.collocation.pilot import Pilot
 from ares_optimizer.collocation.points import FoundOptimum, times_of
-from ares_optimizer.collocation.search import moved_events
+from ares_optimizer.collocation.rollout import ALTITUDE
+from ares_optimizer.collocation.search import Search, moved_events
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.proof.physics import air_force, gravity, surface_radius
+from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Check, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.window import launched_later
@@ -907,3 +910,23 @@ def test_costs_beside_the_best_launch_time_are_those_of_flights(minutes):
     )
     assert planned > 100.0
     assert spent == pytest.approx(planned, rel=0.02)
+
+
+def test_a_search_without_a_flight_tells_the_course_of_the_nearest_guess(monkeypatch):
+    text = SMALL.format(thrust=800000.0)
+    weak = parse_mission(text.replace("thrust_n: 90000.0", "thrust_n: 20000.0"), "weak.yaml")
+    arrays, start = weak.arrays(), weak.start().navigation()
+    request = Request(arrays, start, "collocation", Heating.AT_JETTISON, Deadline(math.inf))
+    search = Search(arrays, start, floors_of(arrays, start), request)
+    monkeypatch.setattr(search, "_found_from", lambda _: None)
+    trial = next(trials(arrays, start, search.floors))
+    search.try_start(trial)
+    assert re.search(
+        r"the nearest of these rises to \d{3}\.\d km and is on the ground again at \d{3} s$",
+        search.failure().reason,
+    )
+    above = trial.track[: int(np.argmax(trial.track[:, ALTITUDE]))]
+    search.try_start(replace(trial, track=above, miss=0.5 * trial.miss))
+    assert re.search(
+        r"the nearest of these ends with the .* off by .*; .* off by", search.failure().reason
+    )

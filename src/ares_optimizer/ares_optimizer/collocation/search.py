@@ -43,6 +43,7 @@ from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.results import SAME_LENGTH
 from ares_optimizer.solution import OUT_OF_TIME, Cause, Status
+from ares_optimizer.targets import miss_line
 
 #: Relative difference of mass within which two solutions are the same local optimum. On coarse
 #: intervals floors hold at the states only.
@@ -148,6 +149,7 @@ class Search:
         self.sunk_kg = -math.inf
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
+        self._nearest: TrialFlight | None = None
         #: Number of iterations at which a start is given up.
         self._most_iterations: float = math.inf
         #: Least factor on the pressure limits with which a flight was found where one failed, and
@@ -203,6 +205,8 @@ class Search:
         if self.best is not None and trial.miss > _FAR_OFF:
             return
         self.starts += 1
+        if self._nearest is None or trial.miss < self._nearest.miss:
+            self._nearest = trial
         self._allow_iterations()
         found = self._found_from(trial)
         self._most_iterations = math.inf
@@ -439,7 +443,7 @@ class Search:
                 f"no flight to the target found from {self._first_guesses()}: what fails most is "
                 f"the {name}, by {violation:.2g} of its scale",
             )
-        if not self.starts:
+        if self._nearest is None:
             return Cause(
                 Status.ILLEGAL_START,
                 "no flight can be computed: the last burn does not begin, or too many events",
@@ -450,7 +454,22 @@ class Search:
                 f" within the limits of dynamic pressure and q alpha; with limits "
                 f"{self.limits_met:.2f} times as high there is one"
             )
+        else:
+            reason += f"; the nearest of these {self._course_of(self._nearest.track)}"
         return Cause(Status.STALLED, reason)
+
+    def _course_of(self, track: Array) -> str:
+        """Describe where a trial flight falls to the ground, or how far it ends from the target."""
+        heights = track[:, rollout.ALTITUDE]
+        fallen = int(np.argmax(heights < self._start_m - _BELOW_START_M))
+        if fallen:
+            return (
+                f"rises to {heights[:fallen].max() / 1e3:,.1f} km and is on the ground again at "
+                f"{track[fallen, rollout.TIME]:,.0f} s"
+            )
+        end, mu = track[-1], float(self.arrays.environment[0]["mu"])
+        r, v = end[rollout.POSITION : rollout.VELOCITY], end[rollout.VELOCITY : rollout.DIRECTION]
+        return f"ends with the {miss_line(self.arrays.target[0], r, v, mu)}"
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"

@@ -23,7 +23,7 @@ from ares_optimizer.direct.search import LIFTED, SearchResult, relaxed, run, sol
 from ares_optimizer.direct.transcription import Transcription, transcribe
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Cause, Status, infeasible
-from ares_optimizer.targets import figures_of, half_turn, target_rows
+from ares_optimizer.targets import miss_line
 
 Array = NDArray[np.float64]
 
@@ -51,24 +51,11 @@ def held_by_heating(found: SearchResult) -> bool:
     return bool(np.any(found.inequalities[: 3 * drops : 3] > 0.0))
 
 
-def miss_line(arrays: MissionArrays, found: SearchResult) -> str:
-    """Describe the errors of the nearest flight from the target, the two largest."""
+def nearest_line(arrays: MissionArrays, found: SearchResult) -> str:
+    """Describe the errors of the nearest flight from the target, and if it takes all mass."""
     problem = found.transcription.problem
     mu = float(problem.environment[0]["mu"])
-    target = arrays.target[0]
-    figures = figures_of(target, found.final[1:4], found.final[4:7], mu)
-    parts = []
-    for figure, (key, name, unit, turn) in zip(figures, target_rows(target), strict=True):
-        wanted = float(target[key])
-        if unit == "deg":
-            wanted = math.degrees(wanted)
-        off = figure - wanted
-        if turn:
-            off = half_turn(off)
-        size = 1.0 if unit in ("deg", "1") else max(abs(wanted), 1.0)
-        parts.append((abs(off) / size, f"{name} off by {off:,.4g} {unit}"))
-    parts.sort(key=lambda part: -part[0])
-    text = "; ".join(line for _, line in parts[:2])
+    text = miss_line(arrays.target[0], found.final[1:4], found.final[4:7], mu)
     latest = problem.latest_cutoff
     if found.cutoff_s >= latest - 1.0:
         text += "; the last stage would have to burn all of its mass"
@@ -99,7 +86,7 @@ def terminal_miss(found: SearchResult) -> float:
 def failure_cause(arrays: MissionArrays, found: SearchResult) -> Cause:
     """Return the cause of a failed search, derived from its last flight."""
     if terminal_miss(found) > _NEAR:
-        line = f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
+        line = f"no flight to the target found, the nearest: {nearest_line(arrays, found)}"
         return Cause(Status.INFEASIBLE, line)
     obstacle = ground_obstacle(found) or propellant_obstacle(found)
     if not obstacle and found.transcription.problem.heating == HEATING_FROM_JETTISON:
