@@ -87,8 +87,10 @@ def rehearse(flown: Mapping[str, Any]) -> str:
             _check_start(rehearsal, law)
         end = _fly_ahead(rehearsal, law)
     except ValueError as error:
-        said = mission.with_names(str(error))
-        raise CannotStart(f"{said}{_surplus(rehearsal.plan)}") from error
+        surplus = _surplus(rehearsal.plan)
+        # what it sends the vehicle in a last burn of a millisecond says nothing
+        said = f"law {law} misses the target" if surplus else mission.with_names(str(error))
+        raise CannotStart(f"{said}{surplus}") from error
     if not end.mass_kg:
         raise CannotStart(
             f"law is {law!r}, which misses the target when the mission is flown ahead "

@@ -199,8 +199,8 @@ def _programme(
             ahead = direction[k]
     columns = zip(KNOTS, zip(*parts, strict=True), strict=True)
     knots: dict[str, Any] = {name: np.concatenate(column) for name, column in columns}
-    ahead = _next_thrust(trajectory, arrays, end)
-    return Programme(**knots, state=state, next_thrust=ahead).thinned(MAX_PROGRAMME)
+    thrust = _next_thrust(trajectory, arrays, end)
+    return Programme(**knots, state=state, next_thrust=thrust).thinned(MAX_PROGRAMME)
 
 
 def _next_thrust(

@@ -67,6 +67,8 @@ _SAME_END = 1e-6
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
 _NOTHING_KG = 0.1
+#: Length from which on a burn has a rate of its direction, s.
+_TURNING_S = 0.1
 #: Reason of an optimum that no steering betters.
 _SHORTEST_BURNS = (
     "optimal, as the free burns are no longer than they must be: those of fixed length give more "
@@ -101,7 +103,7 @@ def _steering_arcs(proven: Proven, idle: bool) -> tuple[SteeringArc, ...]:
         size = max(float(np.linalg.norm(primer[0])), 1e-300)
         direction = primer[0] / size
         rate = np.zeros(3)
-        if lengths[p] > SAME_LENGTH:
+        if lengths[p] > _TURNING_S:
             rate = (primer[-1] - primer[0]) / (size * float(lengths[p]))
         gained = 0.0
         primer_rate = None

@@ -562,15 +562,16 @@ class CollocationProgram:
         lower = coo_array(tril(cost))
         self.added_cost = cost
         self._added_curvature = lower.data
-        self.hessian_pattern = tuple(map(np.append, self.hessian_pattern, lower.coords))
+        rows, columns = self.hessian_pattern
+        self.hessian_pattern = (np.append(rows, lower.row), np.append(columns, lower.col))
 
     def objective(self, x: Array) -> float:
         """Return the negative mass at the end of the saving stage, plus the added cost."""
-        return 0.5 * float(x @ (self.added_cost @ x)) - float(x[self.ends[self.saving]])
+        return 0.5 * float(x @ np.asarray(self.added_cost @ x)) - float(x[self.ends[self.saving]])
 
     def gradient(self, x: Array, out: Array) -> None:
         """Write the gradient of :meth:`objective`."""
-        out[:] = self.added_cost @ x
+        out[:] = np.asarray(self.added_cost @ x)
         out[self.ends[self.saving]] -= 1.0
 
     def rows(self, x: Array, out: Array) -> None:
