@@ -101,7 +101,7 @@ def test_burns_of_fixed_length_that_give_too_much_are_told(tmp_path):
     data = random_coasting_mission(50_056).model_dump(exclude_unset=True, mode="json")
     path = tmp_path / "surplus.yaml"
     path.write_text(yaml.safe_dump(data))
-    remedy = "without the last one, .*; make one of them free, or add payload$"
+    remedy = r"without the last one, .*; give it a longer least length \(min_s\), or add payload$"
     with pytest.raises(CannotStart, match=remedy):
         rehearse({"mission": str(path), "law": "peg"})
 

@@ -87,10 +87,8 @@ def rehearse(flown: Mapping[str, Any]) -> str:
             _check_start(rehearsal, law)
         end = _fly_ahead(rehearsal, law)
     except ValueError as error:
-        surplus = _surplus(rehearsal.plan)
-        # what it sends the vehicle in a last burn of a millisecond says nothing
-        said = f"law {law} misses the target" if surplus else mission.with_names(str(error))
-        raise CannotStart(f"{said}{surplus}") from error
+        said = mission.with_names(str(error))
+        raise CannotStart(f"{said}{_surplus(rehearsal.plan)}") from error
     if not end.mass_kg:
         raise CannotStart(
             f"law is {law!r}, which misses the target when the mission is flown ahead "
@@ -188,7 +186,10 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
     from ares_studies.closed_loop import fly_stepwise, ready_law
 
     ready = ready_law(rehearsal.mission, law, rehearsal.settings, rehearsal.plan)
-    plant = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready).plant
+    try:
+        plant = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready).plant
+    except ValueError:
+        return _End("the vehicle refuses an answer of it")
     judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
     reached = judged.end is End.TARGET
     return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)

@@ -680,7 +680,7 @@ def test_what_solids_give_too_much_is_wasted_by_every_law(law):
     mission, solution = planned_minotaur()
     end = fly_compiled(mission, law=ready(mission, solution, law)).plant
     assert judged(mission, end).end is End.TARGET
-    assert float(end["mass"]) > 0.999 * solution.m_f_kg
+    assert float(end["mass"]) > 0.998 * solution.m_f_kg
 
 
 @pytest.mark.trial
