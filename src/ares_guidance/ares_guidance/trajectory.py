@@ -19,7 +19,8 @@ SAME_MASS = 1e-3
 #: Largest deviation of a direction's length from 1, and largest direction rate, 1/s.
 ABOUT_UNIT = 1e-3
 FASTEST_TURN = 1.0
-#: Time difference that is rounding, s.
+#: Length of what has vanished, and time difference that is rounding, s.
+VANISHING = 1e-3
 TIME_ROUNDING = 1e-6
 #: Smallest mass drop that counts as staging, as a fraction of the mass; rounding is smaller.
 LEAST_DROP = 1e-6
@@ -189,7 +190,8 @@ class OfflineTrajectory:
     def rows_between(self, begin: float, end: float) -> NDArray[np.int64]:
         """Return the samples between two events, s: of the two at each the one inside.
 
-        Between events at the same time that is one.
+        Between events at the same time that is one. What two events at nearly the same time have
+        between them, at an end, is left out: its direction is none.
         """
         time = self.sample_time
         first = int(np.searchsorted(time, begin + TIME_ROUNDING, side="right")) - 1
@@ -197,8 +199,12 @@ class OfflineTrajectory:
         if first > last:
             first = last = (first + last) // 2
         rows = np.arange(max(first, 0), min(last, len(time) - 1) + 1)
-        later = np.diff(time[rows], prepend=-math.inf) > TIME_ROUNDING
-        return rows[later]
+        lasting = slice(
+            int(np.sum(time[rows] < time[rows[0]] + VANISHING)) - 1,
+            int(np.sum(time[rows] <= time[rows[-1]] - VANISHING)) + 1,
+        )
+        rows = rows[lasting] if lasting.start < lasting.stop else rows
+        return rows[np.diff(time[rows], prepend=-math.inf) > TIME_ROUNDING]
 
     def direction_at(self, t: float) -> Array:
         """Return the thrust direction of the first sample with thrust from a time on, s."""

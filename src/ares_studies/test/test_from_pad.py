@@ -674,6 +674,26 @@ def test_what_solids_give_too_much_is_wasted_without_jumps():
     assert turns[lit].sum() < 300.0
 
 
+def test_what_has_vanished_at_the_ends_of_a_burn_has_no_say():
+    """A drop 4 us after an ignition left a direction of its own: 2.5 m/s in the next second."""
+    _, solution = planned_minotaur()
+    track = offline_trajectory(solution)
+    _, start, stop = next(arc for arc in track.flown() if arc[0] == 4)
+    first, last = track.rows_between(start, stop)[[0, -1]]
+    at = np.array([first, first, last + 1, last + 1])
+    names = ("position", "velocity", "mass", "direction")
+    samples = {f"sample_{name}": getattr(track, f"sample_{name}") for name in names}
+    samples = {name: np.insert(each, at, each[at], axis=0) for name, each in samples.items()}
+    drops = [start, start + 4e-6, stop - 4e-6, stop]
+    samples["sample_time"] = np.insert(track.sample_time, at, drops)
+    samples["sample_time"][first + 2] += 4e-6
+    samples["sample_time"][last + 2] -= 4e-6
+    for row in (first, first + 1, last + 3, last + 4):
+        samples["sample_direction"][row] = 0.0, 0.0, 1.0
+    rows = replace(track, **samples).rows_between(start, stop)
+    assert list(rows[[0, -1]]) == [first + 2, last + 2]
+
+
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 def test_what_solids_give_too_much_is_wasted_by_every_law(law):
     """From lift-off on, each flew its leg to the end of a solid that it could not shorten."""
