@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check that a solution keeps the floors of its arcs, and the orbits that they name."""
+"""Check that a solution keeps the floors of its arcs, the orbits they name, and its last burn."""
 
 import math
 
@@ -21,7 +21,7 @@ _SAME_TIME = 1e-3  # s
 
 
 def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
-    """Name the floor or orbit that a flight violates, and by how much; "": none.
+    """Name the floor, orbit or bound of the last burn that a flight violates; "": none.
 
     Args:
         arrays: the mission.
@@ -29,10 +29,18 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         solution: checked only if it has a trajectory.
     """
     track, floors = solution.trajectory, floors_of(arrays, start)
-    if track is None or not floors:
+    last = arrays.arcs[-1]
+    low, high = float(last["shortest"]), float(last["longest"])
+    bounded = math.isinf(last["duration"]) and (low > 0.0 or math.isfinite(high))
+    if track is None or not (floors or bounded):
         return ""
     planned = with_lengths(arrays, start[0], np.array(solution.lengths_s))
     arcs = {arc.arc: arc for arc in flown_arcs(planned, start[0], solution.t_meco_s)}
+    end = arcs.get(len(arrays.arcs) - 1)
+    if bounded and end is not None and end.arc != start["arc"][0]:
+        length = end.end_s - end.start_s
+        if not low - _SAME_TIME <= length <= high + _SAME_TIME:
+            return f"length of arc {end.arc} {length:.3f} s; {low:g} to {high:g} s"
     tolerance = FLOOR_M * (WIDER_IN_AIR if flies_in_air(arrays.arcs) else 1.0)
     for floor in floors:
         if floor.arc not in arcs:
