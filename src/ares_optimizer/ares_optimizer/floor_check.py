@@ -36,11 +36,11 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         return ""
     planned = with_lengths(arrays, start[0], np.array(solution.lengths_s))
     arcs = {arc.arc: arc for arc in flown_arcs(planned, start[0], solution.t_meco_s)}
-    end = arcs.get(len(arrays.arcs) - 1)
-    if bounded and end is not None and end.arc != start["arc"][0]:
-        length = end.end_s - end.start_s
+    burn = arcs.get(len(arrays.arcs) - 1)
+    if bounded and burn is not None and burn.arc != start["arc"][0]:
+        length = burn.end_s - burn.start_s
         if not low - _SAME_TIME <= length <= high + _SAME_TIME:
-            return f"length of arc {end.arc} {length:.3f} s; {low:g} to {high:g} s"
+            return f"length of arc {burn.arc} {length:.3f} s; {low:g} to {high:g} s"
     tolerance = FLOOR_M * (WIDER_IN_AIR if flies_in_air(arrays.arcs) else 1.0)
     for floor in floors:
         if floor.arc not in arcs:
