@@ -415,7 +415,7 @@ def _turns_high_up(mission: "Mission") -> bool:
     if not coasts or not isinstance(target, TargetOrbit):
         return False
     high = LOW * mission.environment.earth.equatorial_radius_m
-    return not target.conic(mission).apogee < high
+    return target.conic(mission).apogee >= high
 
 
 def _turned(before: Insertion, node: float, inclination_deg: float | None) -> float:

@@ -13,7 +13,9 @@ from ares_models.kernels.environment import altitude
 from ares_models.orbits import Elements
 from ares_models.plans import flies_in_air
 from ares_models.tolerances import FLOOR_M, WIDER_IN_AIR
+from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import with_lengths
+from ares_optimizer.proof.checks import bounds_last_burn, last_burn_checks
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.solution import Solution, Trajectory
 
@@ -29,18 +31,15 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         solution: checked only if it has a trajectory.
     """
     track, floors = solution.trajectory, floors_of(arrays, start)
-    last = arrays.arcs[-1]
-    low, high = float(last["shortest"]), float(last["longest"])
-    bounded = math.isinf(last["duration"]) and (low > 0.0 or math.isfinite(high))
-    if track is None or not (floors or bounded):
+    if track is None or not (floors or bounds_last_burn(arrays)):
         return ""
     planned = with_lengths(arrays, start[0], np.array(solution.lengths_s))
-    arcs = {arc.arc: arc for arc in flown_arcs(planned, start[0], solution.t_meco_s)}
-    burn = arcs.get(len(arrays.arcs) - 1)
-    if bounded and burn is not None and burn.arc != start["arc"][0]:
-        length = burn.end_s - burn.start_s
-        if not low - _SAME_TIME <= length <= high + _SAME_TIME:
-            return f"length of arc {burn.arc} {length:.3f} s; {low:g} to {high:g} s"
+    flown = flown_arcs(planned, start[0], solution.t_meco_s)
+    last = (flown[-1].arc, flown[-1].start_s, flown[-1].end_s)
+    broken = check_obstacle(last_burn_checks(arrays, start[0], last))
+    if broken:
+        return broken
+    arcs = {arc.arc: arc for arc in flown}
     tolerance = FLOOR_M * (WIDER_IN_AIR if flies_in_air(arrays.arcs) else 1.0)
     for floor in floors:
         if floor.arc not in arcs:

@@ -95,22 +95,34 @@ def constraint_table(
             PROPELLANT_KG,
         ),
         *_pressure_checks(arrays, flight),
-        *_last_burn_checks(arrays, start, flight),
+        *last_burn_checks(arrays, start, flight.plan.arcs[-1]),
     )
 
 
-def _last_burn_checks(
-    arrays: MissionArrays, start: Record, flight: ProofFlight
-) -> list[ConstraintCheck]:
-    """Return the check of the length of the last burn, if it is free within bounds."""
-    last, begin, end = flight.plan.arcs[-1]
-    arc = arrays.arcs[last]
-    low, high = float(arc["shortest"]), float(arc["longest"])
-    if math.isfinite(arc["duration"]) or (low <= 0.0 and math.isinf(high)):
-        return []
+def bounds_last_burn(arrays: MissionArrays) -> bool:
+    """Return true if the last burn is free within bounds."""
+    arc = arrays.arcs[-1]
+    bounded = arc["shortest"] > 0.0 or math.isfinite(arc["longest"])
+    return bool(math.isinf(arc["duration"]) and bounded)
+
+
+def last_burn_checks(
+    arrays: MissionArrays, start: Record, flown: tuple[int, float, float]
+) -> tuple[ConstraintCheck, ...]:
+    """Return the check of the length of the last burn, if it is free within bounds.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        flown: last arc of the flight, its begin, s, and its end, s.
+    """
+    last, begin, end = flown
+    if last + 1 < len(arrays.arcs) or not bounds_last_burn(arrays):
+        return ()
+    low, high = float(arrays.arcs[last]["shortest"]), float(arrays.arcs[last]["longest"])
     length = end - (float(start["arc_start_time"]) if last == start["arc"] else begin)
     short = length < low + _SAME_LENGTH_S
-    return [
+    return (
         ConstraintCheck(
             Check.ARC_LENGTH,
             f"length of arc {last}",
@@ -119,8 +131,8 @@ def _last_burn_checks(
             short or length > high - _SAME_LENGTH_S,
             "s",
             low - _SAME_LENGTH_S <= length <= high + _SAME_LENGTH_S,
-        )
-    ]
+        ),
+    )
 
 
 def _pressure_checks(arrays: MissionArrays, flight: ProofFlight) -> list[ConstraintCheck]:
