@@ -21,9 +21,10 @@ from figures import Figures, keep_option
 
 from ares_models.floors import floors_of
 from ares_models.mission import Mission, load_mission
-from ares_optimizer.collocation.guess import guess_of, trials
+from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.search import floors_on, sweep_of_trial
 from ares_optimizer.collocation.transcription import CollocationProgram
+from ares_optimizer.collocation.variables import guess_of
 from ares_optimizer.request import arrays_and_state
 from ares_optimizer.solve import solve
 

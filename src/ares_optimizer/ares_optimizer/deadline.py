@@ -55,7 +55,8 @@ class Deadline:
                 the search.
         """
         self.report = report
-        self.end = math.inf if seconds is None else time.perf_counter() + seconds
+        self._began = time.perf_counter()
+        self.end = math.inf if seconds is None else self._began + seconds
         self.flag: Flag = np.zeros(1, np.int64)
         self._flags = [self.flag]
         self._timer: threading.Timer | None = None
@@ -100,3 +101,8 @@ class Deadline:
     def passed(self) -> bool:
         """Return true after the limit."""
         return bool(self.flag[0]) or time.perf_counter() >= self.end
+
+    @property
+    def share_passed(self) -> float:
+        """Return the share of the time that has passed; 0 without a limit."""
+        return (time.perf_counter() - self._began) / max(self.end - self._began, 1e-9)

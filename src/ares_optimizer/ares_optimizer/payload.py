@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ares_models.mission import Mission
-from ares_optimizer.collocation.shortage import with_more_propellant
 from ares_optimizer.deadline import Deadline, Progress
+from ares_optimizer.plan import with_more_propellant
 from ares_optimizer.solution import Check, OptimizerError, Solution
 from ares_optimizer.solve import solve
 

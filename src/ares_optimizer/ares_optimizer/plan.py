@@ -22,6 +22,8 @@ DEEPEST = 0.01
 _LEAST_THROTTLE = 1e-2
 #: Least length of an arc that may vanish, s.
 SHORTEST = 1e-3
+#: Propellant fraction of a last stage that has more than any flight takes.
+_MOST_PROPELLANT = 0.97
 
 
 def free_arcs(arrays: MissionArrays, start: Record) -> list[int]:
@@ -103,6 +105,19 @@ def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> Missio
     for k, length in zip(free_arcs(arrays, start), lengths, strict=True):
         arcs[k]["duration"] = length
     arcs[-1]["duration"] = math.inf
+    return arrays._replace(arcs=arcs)
+
+
+def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
+    """Return the mission with a last stage that is nearly all propellant.
+
+    A flight is found in it faster. The one of greatest final mass takes the least propellant: it is
+    that of the mission if it takes no more than there is.
+    """
+    arcs = arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
+    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
     return arrays._replace(arcs=arcs)
 
 

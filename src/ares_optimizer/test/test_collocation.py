@@ -19,16 +19,18 @@ from ares_optimizer import auto
 from ares_optimizer.collocation import report, rollout
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import carried_along_coasts, carried_point
-from ares_optimizer.collocation.guess import guess_of, trials
+from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.intervals import COAST_TURN, Sweep
 from ares_optimizer.collocation.pilot import TrialFlight
 from ares_optimizer.collocation.points import FoundOptimum, mass_of, times_of
 from ares_optimizer.collocation.radau import radau
+from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.report import verdict_of
-from ares_optimizer.collocation.search import LocalOptimum, again_found, floors_on, moved_events
+from ares_optimizer.collocation.search import LocalOptimum, again_found, floors_on
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.steps import LengthSteps
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.variables import guess_of
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor, depth_below_ground
@@ -483,9 +485,9 @@ def test_a_solution_is_a_good_guess_for_a_longer_coast() -> None:
     program.lower[at] = program.upper[at] = guess[at]
     point = solve_program(program, guess, deadline)
     assert point.solved
-    # by an eighth of a revolution
+    # by a quarter of a revolution
     longer = point.x[program.lengths].copy()
-    longer[coast] += 0.8
+    longer[coast] += 1.6
     program.lower[at] = program.upper[at] = longer[coast]
     begin = carried_along_coasts(program, point, longer)
     rows = np.zeros(program.row_lower.size)

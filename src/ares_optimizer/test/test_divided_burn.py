@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """First guesses of an upper stage of low thrust: its last burn divided by a revolution."""
 
+import numpy as np
 import pytest
 
+from ares_models.floors import floors_of
 from ares_models.mission import Mission, parse_mission
+from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.divided_burn import raises_slowly
+from ares_optimizer.collocation.guess import trials
 from ares_optimizer.solve import solve
 
 #: A stage of 1 m/s2 that raises its apogee to 20,000 km, by two burns unless the file has one.
@@ -61,3 +65,57 @@ def test_a_stage_raises_slowly_by_its_thrust(more: str, thrust: float, slow: boo
 def test_one_burn_is_not_divided() -> None:
     mission = mission_of("")
     assert not raises_slowly(mission.arrays(), mission.start().navigation())
+
+
+#: A stage that drops its tanks between the burns at perigee and the one at apogee.
+TANKS = """
+name: tanks
+title: a made-up stage of low thrust that drops its tanks
+source: made up for this test
+payload_kg: 6000.0
+environment:
+  mu_m3_s2: 3.986004418e14
+  earth: {equatorial_radius_m: 6378137.0, polar_radius_m: 6356752.3, rotation_rate_rad_s: 0.0}
+  atmosphere: {model: none}
+initial_state:
+  time_s: 0.0
+  position_m: [6563137.0, 0.0, 0.0]
+  velocity_m_s: [0.0, 5450.0, 5600.0]
+stages:
+  - name: tanks
+    dry_mass_kg: 1100.0
+    propellant_kg: 12000.0
+    arcs:
+      - {thrust_n: 19600.0, isp_s: 328.0, burn_time_s: free}
+      - {coast_s: free, max_s: 9000.0}
+      - {thrust_n: 19600.0, isp_s: 328.0, burn_time_s: free}
+      - {coast_s: free, max_s: 12000.0}
+      - {thrust_n: 19600.0, isp_s: 328.0, burn_time_s: free}
+  - name: core
+    dry_mass_kg: 1370.0
+    propellant_kg: 5200.0
+    arcs:
+      - {coast_s: 60.0}
+      - {thrust_n: 19600.0, isp_s: 328.0, burn_time_s: free}
+      - {coast_s: free, max_s: 25000.0}
+      - {thrust_n: 19600.0, isp_s: 328.0, burn_time_s: free}
+target: {perigee_altitude_m: 4120000.0, apogee_altitude_m: 35786000.0, inclination_deg: 30.0}
+"""
+
+
+def test_burns_at_perigee_raise_the_apogee_in_steps_within_their_propellant() -> None:
+    mission = parse_mission(TANKS, "tanks.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    first = next(trials(arrays, start, floors_of(arrays, start)))
+    mu = float(arrays.environment[0]["mu"])
+    apogees = []
+    for coast in (1, 3, 7):
+        row = first.track[first.track[:, rollout.ARC] == coast][0]
+        r, v = (row[at : at + 3] for at in (rollout.POSITION, rollout.VELOCITY))
+        a = 1.0 / (2.0 / np.linalg.norm(r) - v @ v / mu)
+        e = np.linalg.norm(np.cross(v, np.cross(r, v)) / mu - r / np.linalg.norm(r))
+        apogees.append(float(a * (1.0 + e)))
+    assert apogees == sorted(apogees)
+    assert apogees[1] > apogees[0] + 2e6
+    burns = first.times.lengths[[0, 2, 4]]
+    assert burns.sum() * arrays.arcs[0]["mass_flow"] < 1.01 * 12000.0

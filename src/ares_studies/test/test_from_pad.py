@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,12 +24,14 @@ from ares_models.atmosphere import us76
 from ares_models.floors import floors_of
 from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
+from ares_models.kernels.targets import named_plane
 from ares_models.mission import MissionError, load_mission, parse_mission
 from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
 from ares_optimizer.collocation.pilot import Pilot
 from ares_optimizer.collocation.points import FoundOptimum, times_of
+from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.rollout import ALTITUDE
-from ares_optimizer.collocation.search import Search, moved_events
+from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
@@ -650,6 +653,53 @@ def test_no_law_takes_over_before_a_solid_motor_that_it_cannot_lengthen():
         end = fly_compiled(mission, law=ready(mission, solution, law)).plant
         assert judged(mission, end).end is End.TARGET, law
         assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
+@pytest.mark.parametrize(("latitude", "argument"), [(-28.5618, 180.0), (28.5618, 0.0)])
+def test_a_parking_coast_of_most_of_a_revolution_ends_at_the_perigee(latitude, argument):
+    """Coast to the other node: from a pad in the other hemisphere, or to the other perigee."""
+    mission = load_mission("falcon9_gto_pad")
+    pad = mission.initial_state.model_copy(update={"geodetic_latitude_deg": latitude})
+    target = {"inclination_deg": 28.7, "argument_of_perigee_deg": argument}
+    solution = solve(
+        mission.model_copy(
+            update={
+                "initial_state": pad,
+                "target": mission.target.model_copy(update=target),
+            }
+        ),
+        "auto",
+        time_limit_s=60.0,
+    )
+    assert solution.converged, solution.reason
+    assert solution.m_f_kg == pytest.approx(14_766.046, abs=0.01)
+    coast = solution.flown[-2]
+    assert coast.end_s - coast.start_s == pytest.approx(3_712.0, abs=5.0)
+
+
+@pytest.mark.trial
+def test_a_stage_of_low_thrust_is_planned_by_three_burns():
+    solution = solve(load_mission(str(MISSIONS / "proton_briz_pad.yaml")), "auto")
+    assert solution.converged, solution.reason
+    assert solution.m_f_kg == pytest.approx(9_382.437, abs=0.01)
+
+
+def test_a_flight_that_ends_the_other_way_round_is_no_solution():
+    """The equations of a named plane hold for the reversed orbit too."""
+    text = SMALL.format(thrust=800000.0).replace(
+        "inclination_deg: 30.0", "inclination_deg: 30.0, ascending_node_deg: 20.0"
+    )
+    mission = parse_mission(text, "small.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    request = Request(arrays, start, "auto", Heating.AT_JETTISON, Deadline())
+    search = Search(arrays, start, (), request)
+    normal = np.array(named_plane(arrays.target[0]))
+    r = np.cross(normal, [0.0, 0.0, 1.0])
+    for way in (1.0, -1.0):
+        end = np.concatenate((r, way * np.cross(normal, r)))
+        point = StoppingPoint(end, 0, *[np.zeros(0)] * 3, 0.0, 0, False)
+        found = FoundOptimum(SimpleNamespace(nodes=1), point, 1.0)
+        assert search._is_reversed(found) == (way < 0.0)
 
 
 @cache

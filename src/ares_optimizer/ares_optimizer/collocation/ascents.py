@@ -24,7 +24,6 @@ from ares_optimizer.collocation.guess import (
     ROUND,
     ascents_to_park,
     in_turn,
-    node_times,
     trials,
     without_speed,
 )
@@ -32,7 +31,8 @@ from ares_optimizer.collocation.pilot import Array, Pilot, TrialFlight, plane_fr
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
-from ares_optimizer.plan import free_arcs, last_begin
+from ares_optimizer.collocation.variables import node_times
+from ares_optimizer.plan import free_arcs, last_begin, with_more_propellant
 from ares_optimizer.results import SAME_LENGTH, jettison_times
 
 #: Most starts of a search.
@@ -107,17 +107,19 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
 def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, TrialFlight]]:
     """Return an ascent to its last burn, with the best flights from there as if without air.
 
+    There is more propellant than in the mission.
+
     Returns:
         final masses, kg, and flights.
     """
     begin = _beginning(search.start, ascent, len(ascent.program.arrays.arcs) - 1)
     if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
         return []
-    arcs = search.arrays.arcs.copy()
+    arrays = with_more_propellant(search.arrays)
+    arcs = arrays.arcs
     arcs["drag_area"] = arcs["exit_area"] = 0.0
     arcs["vertical"] = 0
     arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf
-    arrays = search.arrays._replace(arcs=arcs)
     rest = Search(arrays, begin.after, floors_of(arrays, begin.after), search.request)
     following = list(islice(trials(arrays, begin.after, rest.floors), _MOST_RESTS))
     # the second one is the transfer to the apogee of the target, if it is higher

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from ares_models.kernels.kepler import kepler
 from ares_optimizer.collocation.arrays import COASTING, GUIDED, HELD_ATTITUDE
-from ares_optimizer.collocation.guess import node_times, variables_of_trial
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
+from ares_optimizer.collocation.variables import node_times, variables_of_trial
 
 Array = NDArray[np.float64]
 #: Least length of an interval of which states are interpolated, s.

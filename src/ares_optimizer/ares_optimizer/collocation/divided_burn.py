@@ -20,7 +20,12 @@ from ares_models.kernels.kepler import kepler
 from ares_models.kernels.vectors import dot, norm
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.ascents import first_guesses, track_of
-from ares_optimizer.collocation.pilot import TrialFlight, path_of, without_repeats
+from ares_optimizer.collocation.pilot import (
+    TrialFlight,
+    path_of,
+    plane_from_ground,
+    without_repeats,
+)
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -39,13 +44,15 @@ _MOST_STARTS = 4
 
 
 def raises_slowly(arrays: MissionArrays, start: NDArray[np.void]) -> bool:
-    """Return true if the last burn may be so long that a divided one is likely to be better.
+    """Return true if a burn in orbit may be so long that a divided one is likely to be better.
+
+    From the pad the first guesses themselves divide the burns.
 
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
     """
-    if _with_one_burn_less(arrays) is None:
+    if _with_one_burn_less(arrays) is None or plane_from_ground(arrays, start) is not None:
         return False
     radius = float(np.linalg.norm(start["position"][0]))
     rate = math.sqrt(float(arrays.environment[0]["mu"]) / radius**3)

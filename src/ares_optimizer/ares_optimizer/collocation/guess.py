@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lay out the trial flights of a search, the likeliest first, and convert them to first guesses."""
+"""Lay out the trial flights of a search, the likeliest first."""
 
 import math
 from collections.abc import Iterator
@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import (
     BURN,
     COAST,
-    NAMES_ASCENDING_NODE,
-    NAMES_INCLINATION,
+    NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_SPEED,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
@@ -25,15 +24,13 @@ from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.pilot import (
     CONSTANTS,
+    NAMES_PLANE,
     Array,
     Pilot,
     TrialFlight,
-    path_of,
     target_energy,
-    without_repeats,
 )
-from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
-from ares_optimizer.kernels import timetable
+from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
 from ares_optimizer.results import SAME_LENGTH
 
@@ -72,8 +69,14 @@ COASTS = (0.12, 0.03, 0.3, 0.5, 0.8, 0.2, 0.65, 0.4, 0.93)
 _LATER_COASTS = (1.12, 1.5, 1.8, 1.3)
 #: End of a coast after the first, as fraction of a revolution from perigee: the apogee.
 _TO_APOGEE = 0.5
+#: End of a first coast at the target's argument of perigee, and fraction of a revolution by which
+#: it ends before: a burn around perigee begins there.
+_TO_PERIGEE = -1.0
+_BEFORE_PERIGEE = 0.02
 #: Another trial length of such a coast, fraction of a revolution.
 _SOON = 0.12
+#: The same between two burns at perigee.
+_REVOLUTION = 0.97
 #: Miss beyond which the lengths of coasts are varied too.
 _FAR = 1e-2
 #: Number of steering constants that are kept of several.
@@ -90,9 +93,8 @@ _APOGEE = 0.98
 _HIGH = 1.01
 #: The same, from which the way by a circle is the likelier one.
 _HIGH_UP = 1.5
-#: Elements that name a plane, and cosine of its angle to the pad up to which an ascent turns into
-#: it rather than into the nearest plane over the pad.
-_PLANE = NAMES_INCLINATION | NAMES_ASCENDING_NODE
+#: Cosine of the angle of a named plane to the pad up to which an ascent turns into it rather than
+#: into the nearest plane over the pad.
 _NEAR_PLANE = math.cos(math.radians(8.0))
 #: Groups of a flight with one burn after its ascent; perigees above and below a parking orbit at
 #: which a circle is flown, m.
@@ -218,7 +220,16 @@ def _choices(
     firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]
     if apogee_first:
         firsts.sort(key=lambda part: part != _TO_APOGEE)
+    if int(judged_by(pilot.arrays.target[0])) & NAMES_ARGUMENT_OF_PERIGEE:
+        firsts.insert(0, _TO_PERIGEE)
     later = len(coasts) - 1
+    # several burns at perigee raise the apogee
+    in_orbit = not pilot.ascends and pilot.arrays.arcs[pilot.start["arc"][0]]["kind"] == BURN
+    first = _REVOLUTION if in_orbit else firsts[0]
+    if later and _target_perigee(pilot.arrays) < pilot.parking_m + _LOW_M:
+        yield ascents, (first, *([_REVOLUTION] * later))
+    elif later > 1:
+        yield ascents, (first, *([_REVOLUTION] * (later - 1)), _TO_APOGEE)
     yield ascents, (firsts[0], *([_TO_APOGEE] * later))
     apogee = _target_apogee(pilot.arrays)
     if parking is not None and apogee >= _HIGH * pilot.parking_m:
@@ -323,7 +334,7 @@ def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | 
     target["speed"] = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
     target["flight_path_angle"] = 0.0
     plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
-    if pilot.plane is not None and int(judged_by(arrays.target[0])) & _PLANE == _PLANE:
+    if pilot.plane is not None and int(judged_by(arrays.target[0])) & NAMES_PLANE == NAMES_PLANE:
         # two planes of one inclination pass over the pad
         wanted = np.array(named_plane(arrays.target[0]))
         plane = wanted if wanted @ plane > _NEAR_PLANE else plane
@@ -411,7 +422,6 @@ def _first_times(
     mu = float(arrays.environment[0]["mu"])
     lengths = _untried_lengths(pilot)
     wanted = target_energy(arrays)
-    apogee = _target_apogee(arrays)
     last_free = math.isinf(arcs[-1]["duration"])
     last = longest_burn(arrays, len(arcs) - 1) if last_free else float(arcs[-1]["duration"])
     for f, k in enumerate(pilot.free):
@@ -421,6 +431,9 @@ def _first_times(
         elif k in coasts:
             lengths[f] = _coast_for(pilot, lengths, f, constants, coasts[k])
         elif arcs[k]["kind"] == BURN:
+            kicks = [coast for coast, part in coasts.items() if part == _REVOLUTION]
+            to_come = sum(coast > k for coast in kicks)
+            apogee = _raised_apogee(pilot, 1.0 - to_come / (len(kicks) + 1))
             lengths[f] = _burn_until(pilot, lengths, f, constants, apogee)
         lengths[f] = min(max(lengths[f], low), pilot.longest(k))
     times = FreeTimes(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
@@ -481,6 +494,20 @@ def _target_perigee(arrays: MissionArrays) -> float:
     return momentum / (1.0 + math.sqrt(max(0.0, 1.0 + 2.0 * energy * momentum / mu)))
 
 
+def _raised_apogee(pilot: Pilot, share: float) -> float:
+    """Return the apogee radius after a share of the burns to the target's apogee, m."""
+    apogee = _target_apogee(pilot.arrays)
+    mu, perigee = float(pilot.arrays.environment[0]["mu"]), pilot.parking_m
+    if share == 1.0 or apogee <= perigee:
+        return apogee
+    low, high = (
+        math.sqrt(mu / perigee),
+        math.sqrt(2.0 * mu * (1 / perigee - 1 / (perigee + apogee))),
+    )
+    speed = low + share * (high - low)
+    return 1.0 / (1.0 / perigee - 0.5 * speed * speed / mu) - perigee
+
+
 def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Array) -> Array:
     """Fly up to the end of a free arc of given length."""
     last = pilot.free[f]
@@ -507,7 +534,8 @@ def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Ar
 def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: float) -> float:
     """Return the length of a coast, s, from a fraction of a revolution.
 
-    On an eccentric orbit _TO_APOGEE means the next apogee.
+    On an eccentric orbit _TO_APOGEE means the next apogee. _TO_PERIGEE means the argument of
+    perigee of the target.
     """
     track = _track_to(pilot, lengths, f, 0.0, constants)
     mu = float(pilot.arrays.environment[0]["mu"])
@@ -518,8 +546,16 @@ def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: flo
     energy = 0.5 * float(v @ v) - mu / distance
     a = -0.5 * mu / energy if energy != 0.0 else math.inf
     if not 0.5 * pilot.parking_m < a < math.inf:
-        return part * pilot.period
+        return abs(part) * pilot.period
     period = math.tau * math.sqrt(a**3 / mu)
+    if part == _TO_PERIGEE:
+        h = np.cross(r, v)
+        node = np.array([-h[1], h[0], 0.0]) / math.hypot(h[0], h[1])
+        across = np.cross(h, node) / np.linalg.norm(h)
+        ahead = float(pilot.arrays.target[0]["argument_of_perigee"]) - math.atan2(
+            r @ across, r @ node
+        )
+        return ((ahead / math.tau - _BEFORE_PERIGEE) % 1.0) * period
     if part != _TO_APOGEE or a < _HIGH * pilot.parking_m:
         return part * max(period, pilot.period)
     along = float(r @ v) / math.sqrt(mu * a)
@@ -549,62 +585,3 @@ def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: 
         above = 1.0 / (_APOGEE * apogee) + 2.0 * energy / (mu * (1.0 + e))
     begin = float(burning[0, rollout.TIME])
     return _first_crossing(burning, above, begin + 0.7 * most) - begin
-
-
-def guess_of(program: CollocationProgram, trial: TrialFlight) -> Array:
-    """Convert a trial flight to variables of a program.
-
-    Args:
-        program: transcribed for the times of the flight.
-        trial: the flight.
-    """
-    x = variables_of_trial(program)
-    times = node_times(program)
-    track = without_repeats(trial.track)
-    path = path_of(track)
-    times = np.clip(times, track[0, rollout.TIME], track[-1, rollout.TIME])
-    states = np.column_stack((path(times), path(times, 1)))
-    states[:, :3] /= program.radius
-    states[:, 3:] /= program.speed
-    x[: 6 * program.nodes] = states.ravel()
-    directions = np.column_stack(
-        [
-            np.interp(times, track[:, rollout.TIME], track[:, rollout.DIRECTION + c])
-            for c in range(3)
-        ]
-    )
-    directions /= np.maximum(np.linalg.norm(directions, axis=1), 1e-9)[:, None]
-    for point in program.points:
-        if point["control"] >= 0:
-            at = int(point["control"])
-            x[at : at + 3] = directions[int(point["node"] + point["number"])]
-    return x
-
-
-def variables_of_trial(program: CollocationProgram) -> Array:
-    """Return variables with the lengths and masses of the trial flight, and else 0."""
-    x = np.zeros(program.size)
-    for p, piece in enumerate(program.segments):
-        x[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
-        x[program.masses[p]] = float(piece["mass"]) / program.mass
-        x[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
-    return x
-
-
-def node_times(program: CollocationProgram, lengths: Array | None = None) -> Array:
-    """Return the mission elapsed time of each state, s, shape (nodes,).
-
-    Args:
-        program: the program.
-        lengths: of the phases, s; None: those of the trial flight.
-    """
-    pieces = program.segments
-    if lengths is None:
-        lengths = pieces["end"] - pieces["start"]
-    begins = float(program.start["time"][0]) + np.concatenate(([0.0], np.cumsum(lengths)))
-    times = np.empty(program.nodes)
-    times[0] = begins[0]
-    for point in program.points:
-        p = int(point["phase"])
-        times[int(point["node"] + point["number"])] = begins[p] + point["fraction"] * lengths[p]
-    return times

@@ -38,6 +38,8 @@ from ares_optimizer.plan import free_arcs, longest_burn, waiting_for_heating
 from ares_optimizer.results import SAME_LENGTH
 
 Array = NDArray[np.float64]
+#: Elements that name a plane.
+NAMES_PLANE = NAMES_INCLINATION | NAMES_ASCENDING_NODE
 _STEP_S = 8.0
 _AIR_STEP_S = 4.0
 _MOST_ROWS = 30_000
@@ -47,10 +49,11 @@ CONSTANTS = 4
 _PARKING_M = 185e3
 #: Least altitude of that orbit above the floor of a coast, m.
 _CLEAR_M = 2e4
-#: Weights of the least squares in addition to the target: change of the constants and lengths, and
-#: depth below the floor in radii.
+#: Weights of the least squares in addition to the target: change of the constants and lengths,
+#: depth below the floor in radii, and excess of propellant as a share.
 _KEEP = 3e-3
 _DEEP = 3.0
+_OVERDRAWN = 0.3
 _MOST_ANGLE = 3.0  # rad
 #: Most evaluations of the Jacobian.
 _EFFORT = 25
@@ -169,6 +172,14 @@ class Pilot:
         self._layout = np.zeros(1, timetable.LAYOUT)
         self._track = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
         self._waiting = waiting_for_heating(arrays, start[0])
+        burns = [k for k in self.free if arrays.arcs[k]["kind"] == BURN]
+        stages = arrays.arcs["stage"]
+        #: Free burns of each stage before the last that has several.
+        self._sharing = [
+            members
+            for stage in sorted({int(stages[k]) for k in burns} - {int(stages[-1])})
+            if len(members := [k for k in burns if stages[k] == stage]) > 1
+        ]
 
     # ---- lengths and times
 
@@ -286,8 +297,13 @@ class Pilot:
 
     # ---- least squares
 
-    def miss_of(self, track: Array) -> Array:
-        """Return the errors of a track against the target, orbits of coasts, floors and ground."""
+    def miss_of(self, track: Array, times: FreeTimes) -> Array:
+        """Return the errors of a track against target, orbits of coasts, floors and propellant.
+
+        Args:
+            track: flown.
+            times: its free times.
+        """
         missed = [self._miss(self._mission.target, track[-1])]
         for k, orbit in self._orbits.items():
             # the coast begins at the last row of the burn before it
@@ -300,7 +316,15 @@ class Pilot:
             if math.isfinite(floor.altitude_m)
         ]
         ground = min(0.0, float(track[:, rollout.ALTITUDE].min())) / radius
-        return np.concatenate((*missed, deep, [_DEEP * ground]))
+        return np.concatenate((*missed, deep, [_DEEP * ground], self._overdrawn(times.lengths)))
+
+    def _overdrawn(self, lengths: Array) -> Array:
+        """Return the excess of propellant of each stage that several free burns share."""
+        arcs, excess = self.arrays.arcs, []
+        for members in self._sharing:
+            burnt = sum(float(arcs[k]["mass_flow"] * lengths[self.free.index(k)]) for k in members)
+            excess.append(max(0.0, burnt / float(arcs[members[0]]["propellant"]) - 1.0))
+        return _OVERDRAWN * np.array(excess)
 
     def _miss(self, target: Record, row: Array) -> Array:
         """Return the errors of a row of a track against a target, record TARGET."""
@@ -368,16 +392,18 @@ class Pilot:
             )
 
         def residual(x: Array) -> Array:
-            track = self.fly(times_of(x), x[:n])
-            missed = self.miss_of(track) if len(track) else np.full(1, math.nan)
+            there = times_of(x)
+            track = self.fly(there, x[:n])
+            missed = self.miss_of(track, there) if len(track) else np.full(1, math.nan)
             if not np.isfinite(missed).all():
                 return np.full(count, 1e3)
             return np.concatenate((missed, _KEEP * (x - x0)))
 
-        track = self.fly(times_of(x0), x0[:n])
-        if not len(track) or not np.isfinite(self.miss_of(track)).all():
+        there = times_of(x0)
+        track = self.fly(there, x0[:n])
+        if not len(track) or not np.isfinite(self.miss_of(track, there)).all():
             return TrialFlight(times, track.copy(), math.inf), constants
-        count = self.miss_of(track).size + x0.size
+        count = self.miss_of(track, there).size + x0.size
         found = least_squares(
             residual,
             x0,
@@ -394,7 +420,7 @@ class Pilot:
         again = self.fly(there, found.x[:n])
         if len(again):
             track = again
-        miss = float(np.linalg.norm(self.miss_of(track)))
+        miss = float(np.linalg.norm(self.miss_of(track, there)))
         return TrialFlight(there, track.copy(), miss, turned=self.turns), found.x[:n]
 
 

@@ -15,10 +15,10 @@ from ares_models.kernels.aerodynamics import mach_number
 from ares_models.kernels.environment import altitude
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, spread_of
-from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.intervals import COAST_TURN, Sweep, Turning, sweep_of
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
 from ares_optimizer.results import SAME_LENGTH
 

@@ -18,7 +18,6 @@ from ares_optimizer.collocation.arrays import (
     VERTICAL,
 )
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of
-from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -31,6 +30,7 @@ from ares_optimizer.collocation.points import (
 from ares_optimizer.collocation.search import CORNER, Search, again_found, refined
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
+from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.checks import constraint_table, limits_of, pressures_in
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly

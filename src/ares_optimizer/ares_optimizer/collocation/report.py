@@ -13,7 +13,6 @@ from ares_models.judge import judge
 from ares_models.kernels.environment import heating_rate
 from ares_optimizer.collocation.arrays import COASTING, GUIDED, Q_ALPHA_RULE
 from ares_optimizer.collocation.costates import costates_of
-from ares_optimizer.collocation.guess import node_times
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -28,6 +27,7 @@ from ares_optimizer.collocation.refine import PRESSURE_CHECKS, SAG, Proven, allo
 from ares_optimizer.collocation.search import SAME_MASS, Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.plan import free_arcs, length_bounds, with_lengths

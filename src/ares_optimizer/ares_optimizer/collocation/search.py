@@ -2,22 +2,21 @@
 """Search the local optima of a mission: collocation on coarse intervals from several starts."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, COAST, MissionArrays
+from ares_models.arrays import COAST, MissionArrays
 from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
+from ares_models.kernels.judging import judged_by
+from ares_models.kernels.targets import named_plane
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import carried_point, carried_variables
-from ares_optimizer.collocation.guess import guess_of
 from ares_optimizer.collocation.intervals import Sweep, sweep_of
-from ares_optimizer.collocation.pilot import TrialFlight
+from ares_optimizer.collocation.pilot import NAMES_PLANE, TrialFlight
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -31,6 +30,7 @@ from ares_optimizer.collocation.points import (
     turning_of,
     worst_row,
 )
+from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.solver import (
     GIVEN_UP,
     LOCALLY_INFEASIBLE,
@@ -38,10 +38,10 @@ from ares_optimizer.collocation.solver import (
     solve_program,
 )
 from ares_optimizer.collocation.steps import LengthSteps
-from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.transcription import CollocationProgram
+from ares_optimizer.collocation.variables import guess_of
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
-from ares_optimizer.results import SAME_LENGTH
 from ares_optimizer.solution import OUT_OF_TIME, Cause, Status
 from ares_optimizer.targets import miss_line
 
@@ -61,8 +61,6 @@ _LEAST_STARTS = 5
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
-#: Time by which an event is moved past another, s.
-_MOVES_S = (1.0, 0.1)
 #: Most such moves in a row, and least relative gain of mass to continue.
 _MOST_MOVES = 3
 _GAINED = 1e-7
@@ -210,7 +208,7 @@ class Search:
         self._allow_iterations()
         found = self._found_from(trial)
         self._most_iterations = math.inf
-        if found is not None and not self._underground(found):
+        if found is not None and not self._underground(found) and not self._is_reversed(found):
             self.keep(found, trial.met)
         elif found is not None:
             self._unproven = True
@@ -254,10 +252,21 @@ class Search:
             if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
         ]
 
+    def _is_reversed(self, found: FoundOptimum) -> bool:
+        """Return true if a flight ends in the named plane, but the other way round.
+
+        The equations of a named plane hold there too.
+        """
+        if int(judged_by(self.arrays.target[0])) & NAMES_PLANE != NAMES_PLANE:
+            return False
+        end = found.point.x[6 * found.program.nodes - 6 : 6 * found.program.nodes]
+        normal = np.array(named_plane(self.arrays.target[0]))
+        return bool(np.cross(end[:3], end[3:]) @ normal < 0.0)
+
     def _solved(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight; return None on failure."""
         floors = floors_on(self.floors, self._start_m, trial)
-        if trial.near:
+        if trial.limited:
             # it is above the ground, and more rows lead the solver astray
             floors = tuple(floor for floor in floors if floor not in self.added)
         try:
@@ -473,67 +482,6 @@ class Search:
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
-
-
-def moved_events(found: FoundOptimum) -> Iterator[FreeTimes]:
-    """Yield times with an event moved past another that it coincides with."""
-    program, x = found.program, found.point.x
-    lengths = x[program.lengths] * program.time
-    for move in _MOVES_S:
-        for phases in program.arc_phases.values():
-            for p in phases:
-                if len(phases) > 1 and lengths[p] <= SAME_LENGTH:
-                    times = _moved_times(program, x, phases, p, move)
-                    if times is not None:
-                        yield times
-
-
-def _moved_times(
-    program: CollocationProgram, x: Array, phases: list[int], p: int, move: float
-) -> FreeTimes | None:
-    """Return the times with the event at a vanished phase moved out of its arc.
-
-    Args:
-        program: the program.
-        x: its solution.
-        phases: of the arc.
-        p: the vanished phase.
-        move: time by which to move, s.
-    """
-    times = times_of(program, x)
-    drops = times.drops.copy()
-    lengths = program.time * x[program.lengths]
-    burning = program.steering != COASTING
-    stages = program.arrays.arcs["stage"][program.segments["arc"]]
-    for number, at in program.drop_ends.items():
-        own = program.arrays.jettisons[program.waiting_for_heating[number]]["stage"]
-        # in a coast nothing is gained: on to the burn before or after it
-        if at == p and p == phases[0]:
-            before = max((q for q in range(p) if burning[q] and stages[q] >= own), default=None)
-            if before is not None:
-                drops[number] -= move + lengths[before + 1 : p].sum()
-        if at == p - 1 and p == phases[-1] and p + 1 < len(lengths):
-            after = min((q for q in range(p + 1, len(lengths)) if burning[q]), default=p + 1)
-            drops[number] += move + lengths[p + 1 : after].sum()
-    if (drops != times.drops).any():
-        return times._replace(drops=drops)
-    # limit of a throttle: end the burn before it, or the burn before later
-    k = int(program.segments[p]["arc"])
-    burn, step = (k, -move) if p == phases[-1] else (_burn_before(program, k), move)
-    free = free_arcs(program.arrays, program.start[0])
-    if burn == len(program.arrays.arcs) - 1:
-        return times._replace(cutoff=times.cutoff + step)
-    if burn not in free:
-        return None
-    moved = times.lengths.copy()
-    moved[free.index(burn)] += step
-    return times._replace(lengths=moved)
-
-
-def _burn_before(program: CollocationProgram, k: int) -> int:
-    """Return the burn before an arc; -1: none."""
-    burns = [b for b in program.arc_phases if b < k and program.arrays.arcs[b]["kind"] == BURN]
-    return max(burns, default=-1)
 
 
 def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> tuple[Floor, ...]:

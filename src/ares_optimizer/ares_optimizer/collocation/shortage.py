@@ -5,42 +5,42 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import COAST
 from ares_optimizer.collocation.ascents import first_guesses
 from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import Search
+from ares_optimizer.plan import free_arcs, with_more_propellant
 from ares_optimizer.solution import Cause, Status
 
-#: Propellant fraction of the last stage in the search.
-_MOST_PROPELLANT = 0.97
 #: Need over what there is from which another local optimum will not do, and number of starts that
-#: must have led to the best one where it is less.
+#: must have led to the best one where it is less, or a coast is free.
 _FAR_SHORT = 1.02
 _SURE = 3
-
-
-def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
-    """Return the mission with a last stage that is nearly all propellant."""
-    arcs = arrays.arcs.copy()
-    last = arcs["stage"] == arcs[-1]["stage"]
-    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
-    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
-    return arrays._replace(arcs=arcs)
+#: Starts without a flight after which the search ends.
+_MOST_UNMET = 6
 
 
 class Shortage(NamedTuple):
-    """Hold the propellant of the last stage that the best flight takes, and what it has, kg."""
+    """Hold the propellant of the last stage that the best flight takes, and what it has.
+
+    Attributes:
+        burnt: by the best flight, kg.
+        usable: what there is, kg.
+        sure: true if enough starts led to this flight.
+    """
 
     burnt: float
     usable: float
+    sure: bool
 
     @property
     def cause(self) -> Cause:
         """Return the cause of a failed search."""
         return Cause(
-            Status.INFEASIBLE,
+            Status.INFEASIBLE if self.sure else Status.STALLED,
             f"propellant of the last stage: {self.burnt - self.usable:,.0f} kg short, the best "
-            f"flight takes {self.burnt:,.0f} kg of {self.usable:,.0f} kg",
+            f"flight {'takes' if self.sure else 'found takes'} {self.burnt:,.0f} kg of "
+            f"{self.usable:,.0f} kg",
         )
 
 
@@ -57,11 +57,13 @@ def short_of_propellant(search: Search) -> Shortage | None:
     if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
         return None
     more = Search(arrays, search.start, search.floors, search.request)
+    free = arcs[free_arcs(arrays, search.start[0])]
+    alone = not (free["kind"] == COAST).any()
     for trial in first_guesses(more):
-        if search.request.deadline.passed:
+        if search.request.deadline.passed or (more.best is None and more.starts == _MOST_UNMET):
             break
         if more.best is not None and more.is_conclusive:
-            far = _burnt_in(more.best) > _FAR_SHORT * usable
+            far = alone and _burnt_in(more.best) > _FAR_SHORT * usable
             if far or more.again >= _SURE:
                 break
         more.try_start(trial)
@@ -73,7 +75,7 @@ def short_of_propellant(search: Search) -> Shortage | None:
         search.starts += more.starts
         search.keep(more.best)
         return None
-    return Shortage(burnt, usable)
+    return Shortage(burnt, usable, alone or more.again >= _SURE)
 
 
 def _burnt_in(found: FoundOptimum) -> float:

@@ -22,6 +22,8 @@ from ares_optimizer.solution import Solution, UnfitMethod, failed
 
 #: Starts without a solution after which the propellant that one needs is looked for.
 _UNMET = 2
+#: Share of the time limit after which nothing better is looked for.
+_SEARCHED = 0.8
 
 
 def solve_collocation(request: Request, beat_kg: float | None = None) -> Solution:
@@ -54,7 +56,10 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     if slowly := raises_slowly(arrays, start):
         try_divided_burn(search)
     for trial in () if search.is_conclusive else first_guesses(search):
-        if request.deadline.passed or search.is_conclusive or short:
+        if request.deadline.passed or search.is_conclusive or (short and short.sure):
+            break
+        if search.best is not None and request.deadline.share_passed > _SEARCHED:
+            # what was found is to be refined and proven
             break
         search.try_start(trial)
         if search.starts == _UNMET and search.best is None and beat_kg is None:
