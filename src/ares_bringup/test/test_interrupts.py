@@ -7,7 +7,11 @@ import sys
 
 import pytest
 
+from ares_trials.testing.samples import one_in
+
 BOTH = [signal.SIGINT, signal.SIGTERM]
+#: What either does in the same way: `make trials` sends both.
+EITHER = one_in(2, BOTH)
 
 #: A kernel that goes on for minutes, in the main thread or in one of a pool that is waited for.
 IN_A_KERNEL = """
@@ -192,13 +196,13 @@ def interrupted(tmp_path, text, number, *arguments):
     return process.returncode, out, err
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 def test_in_a_kernel(tmp_path, number):
     status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "main")
     assert (status, out, err) == (128 + number, "", "ares: interrupted; nothing was written\n")
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 def test_while_threads_are_in_kernels(tmp_path, number):
     """End although the interpreter would wait for its threads forever."""
     status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "thread")
@@ -218,13 +222,13 @@ def test_in_a_text_that_is_executed(tmp_path, number):
     assert (status, out, err) == (128 + number, "in order\n", "")
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 def test_where_nothing_can_be_raised(tmp_path, number):
     status, out, err = interrupted(tmp_path, WHERE_NOTHING_CAN_BE_RAISED, number)
     assert (status, out, err) == (128 + number, "", "ares: interrupted; nothing was written\n")
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 def test_before_a_verb_begins_or_after_it(tmp_path, number):
     text = IN_GOOD_ORDER + AROUND_A_VERB
     said = "ares: interrupted; nothing was written\n"
@@ -254,7 +258,7 @@ sys.exit(cli.main(["write", *sys.argv[1:]]))
 """
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 @pytest.mark.parametrize(
     ("files", "kept"), [(("",), "nothing was written"), (("a", "b"), "written: a, b")]
 )
@@ -282,13 +286,13 @@ def test_a_flight_that_had_not_begun_prints_no_summary(monkeypatch, capsys):
     assert capsys.readouterr() == ("", said)
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 def test_when_the_interpreter_ends(tmp_path, number):
     """Send the signal after the command has ended: its status stands."""
     assert interrupted(tmp_path, AT_THE_VERY_END, number) == (1, "", "")
 
 
-@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize("number", EITHER)
 def test_what_compiled_code_makes_of_it(tmp_path, number):
     """Let a binding replace the KeyboardInterrupt by an error of its own."""
     text = IN_GOOD_ORDER + IN_COMPILED_CODE
