@@ -2,7 +2,6 @@
 """Allowed imports between packages (docs/architecture.md)."""
 
 import ast
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -100,9 +99,10 @@ PROOF = {f"ares_optimizer.proof.{name}" for name in ("flight", "checks", "held")
 MODULES = sorted(SOURCES.glob("ares_*/ares_*/**/*.py"))
 
 
-def nodes(module: Path) -> Iterator[ast.AST]:
-    """Yield all nodes of a module's syntax tree."""
-    return ast.walk(ast.parse(module.read_text(encoding="utf-8")))
+@cache
+def nodes(module: Path) -> list[ast.AST]:
+    """Return all nodes of a module's syntax tree."""
+    return list(ast.walk(ast.parse(module.read_text(encoding="utf-8"))))
 
 
 @cache
