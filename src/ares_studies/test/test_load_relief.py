@@ -32,7 +32,7 @@ def flights(settings, dispersions, relieved=True):
 def test_winds_load_a_vehicle_less_where_it_is_relieved(settings):
     dispersions = load_dispersions("standard_pad")
     plain, relieved = (
-        flights(settings, dispersions, relief).fly(0, 40).results for relief in (False, True)
+        flights(settings, dispersions, relief).fly(0, 20).results for relief in (False, True)
     )
     loads = [np.quantile(flown["q_alpha_share"], 0.9) for flown in (plain, relieved)]
     assert loads[1] < 0.5 * loads[0]
