@@ -16,8 +16,12 @@ from ares_optimizer.messages import RequestServer
 from ares_optimizer.node import OptimizerNode
 from ares_studies.closed_loop import fly_compiled
 from ares_vehicle_sim.node import VehicleSimNode
+from ares_vehicle_sim.simulator import SimulatorOptions
 
 Response = SolveTrajectory.Response
+#: Between navigation states, seldom: the numbers are compared with a flight like it.
+PERIOD_S = 1.0
+SELDOM = SimulatorOptions(navigation_period_s=PERIOD_S)
 
 
 def fly(graph, **parameters):
@@ -25,7 +29,7 @@ def fly(graph, **parameters):
     graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
     graph.start(GuidanceNode, law="peg_thesis", **parameters)
     # a slow machine is not a lost command
-    graph.start(VehicleSimNode, command_timeout_s=60.0)
+    graph.start(VehicleSimNode, command_timeout_s=60.0, navigation_period_s=PERIOD_S)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     cutoff = next(event for event in graph.events if event.type == FlightEvent.CUTOFF)
     assert np.linalg.norm(cutoff.position) == pytest.approx(6_518_889.0, abs=10.0)
@@ -48,7 +52,7 @@ def test_it_starts_from_the_analytic_solution(graph):
     assert np.ptp(predicted[(times > staging - 20.0) & (times < staging)]) < 0.5
     assert np.ptp(predicted[(times > staging) & (times < staging + 20.0)]) > 5.0
     # the same flight as without ROS
-    alone = fly_compiled(load_mission("ares_v"), law="peg_thesis").plant
+    alone = fly_compiled(load_mission("ares_v"), SELDOM, law="peg_thesis").plant
     assert cutoff.time == pytest.approx(float(alone["time"]), abs=1e-6)
     assert cutoff.mass == pytest.approx(float(alone["mass"]), abs=1e-3)
 
@@ -71,7 +75,7 @@ def test_without_an_answer_plain_peg_flies_and_says_so(graph, answer, complaint)
     graph.wait_for_report(complaint)
     assert {status.law for status in statuses} == {GuidanceStatus.LAW_PEG}
     assert statuses[0].converged
-    alone = fly_compiled(load_mission("ares_v")).plant
+    alone = fly_compiled(load_mission("ares_v"), SELDOM).plant
     assert cutoff.mass == pytest.approx(float(alone["mass"]), abs=1e-3)
 
 
