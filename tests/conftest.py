@@ -238,7 +238,7 @@ def open_file(browser):
 
 @pytest.fixture(scope="module")
 def read_file(browser):
-    """Open a page once for all tests of a module that leave it as it is."""
+    """Open a page once for all tests of a module that leave it as the others need it."""
     with opening(browser) as opener:
         yield cache(opener)
 

@@ -35,8 +35,8 @@ def test_the_page_shows_where_it_falls(read_file, page_of_map):
     assert "Impact points" not in page.locator("h3").all_inner_texts()
 
 
-def test_a_place_that_is_pointed_at_tells_its_failure(open_file, page_of_map):
-    page = open_file(page_of_map, "wide", "dark")
+def test_a_place_that_is_pointed_at_tells_its_failure(read_file, page_of_map):
+    page = read_file(page_of_map, "wide", "light")
     told = page.locator(".pointed")
     assert told.inner_text() == "Point at a place to see which failure leads to it."
     page.locator(".scene canvas").scroll_into_view_if_needed()

@@ -23,8 +23,8 @@ def test_flights_that_failed_stand_apart(read_file, page_of_many):
     assert bars == ["success", "failure", "each failure"]
 
 
-def test_a_flight_that_is_pointed_at_is_named(open_file, page_of_many):
-    page = open_file(page_of_many, "wide", "dark")
+def test_a_flight_that_is_pointed_at_is_named(read_file, page_of_many):
+    page = read_file(page_of_many, "wide", "light")
     told = page.locator(".pointed")
     assert told.inner_text() == "Point at a track to see whose it is."
     page.locator(".scene canvas").scroll_into_view_if_needed()
@@ -39,8 +39,8 @@ def test_a_flight_that_is_pointed_at_is_named(open_file, page_of_many):
     assert told.inner_text() == "Point at a track to see whose it is."
 
 
-def test_a_failure_that_is_pressed_has_its_command_copied(open_file, page_of_many):
-    page = open_file(page_of_many, "wide", "light")
+def test_a_failure_that_is_pressed_has_its_command_copied(read_file, page_of_many):
+    page = read_file(page_of_many, "wide", "light")
     page.evaluate("navigator.clipboard.writeText = async (text) => { window.copiedText = text; }")
     plot = page.locator("#figure-2 .plot")
     plot.scroll_into_view_if_needed()
