@@ -129,7 +129,15 @@ def test_nothing_is_asked_of_a_network(site: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["index", "missions", "reference/messages", "reference/command_line", "your_law"]
+    "name",
+    [
+        *("index", "reference/command_line", "your_law"),
+        *(
+            # the longest, of the same parts as the others
+            pytest.param(name, marks=pytest.mark.trial)
+            for name in ("missions", "reference/messages")
+        ),
+    ],
 )
 def test_a_page_is_legible(site: Path, browser, serious_faults, name: str) -> None:
     with browser.new_context(viewport={"width": 390, "height": 844}, offline=True) as context:
