@@ -19,6 +19,7 @@ from ares_bags.playback import Playback
 from ares_bags.reader import open_bag
 from ares_bags.replay import Extract, replay
 from ares_trials.testing.bags import NAV, START_NS, write_bag
+from ares_trials.testing.samples import one_in
 
 
 class Clock:
@@ -178,7 +179,7 @@ class Terminal:
         os.close(self.slave)
 
 
-@pytest.mark.parametrize("end", ["q", "SIGINT", "SIGTERM", "Ctrl-C"])
+@pytest.mark.parametrize("end", one_in(3, ["q", "SIGINT", "SIGTERM", "Ctrl-C"]))
 def test_keys_and_a_terminal_that_is_put_back(
     ros_environment: dict[str, str], tmp_path: Path, end: str
 ) -> None:
