@@ -38,6 +38,8 @@ PROGRAMS = {
     "view": "ares_view",
     "judge": "ares_bringup/judge",
 }
+#: Causes whose consequences the tests of the layout and of the faults hold too.
+HELD_ELSEWHERE = {"guidance killed", "recorder killed"}
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0
 SLOW = {"pace": "8"}
@@ -373,6 +375,7 @@ CAUSES = {
         act=lambda f: f.kill_before_the_start("guidance"),
         ways=PROCESSES,
         bag=False,
+        alike=True,
     ),
 }
 
@@ -384,7 +387,9 @@ CAUSES = {
             name,
             way,
             id=f"{name}-{way}".replace(" ", "-"),
-            marks=[pytest.mark.trial] if cause.alike and way != cause.cheapest else [],
+            marks=[pytest.mark.trial]
+            if name in HELD_ELSEWHERE or (cause.alike and way != cause.cheapest)
+            else [],
         )
         for name, cause in CAUSES.items()
         for way in cause.ways
