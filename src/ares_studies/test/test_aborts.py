@@ -24,6 +24,8 @@ from ares_studies.aborts.rows import failure_rows
 from ares_trials.testing.samples import one_in
 
 MISSIONS = ("ares_v", "saturn_v_as506")
+#: Between the failures of a map.
+STEP_S = 100.0
 
 
 def optimizer_of(name):
@@ -44,7 +46,7 @@ def made_of(mission, step_s):
 
 @pytest.fixture(scope="module", params=one_in(2, MISSIONS))
 def made(request):
-    return made_of(load_mission(request.param), 60.0)
+    return made_of(load_mission(request.param), STEP_S)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +77,7 @@ def test_every_failure_has_its_row(made):
     assert names[0] == "one engine lost" and len(names) == 8
     assert names[-2:] == ["ignition failed", "jettison stuck"]
     for row in made.rows[:4]:
-        assert all(point.at_s % 60.0 == 0.0 for point in row.points)
+        assert all(point.at_s % STEP_S == 0.0 for point in row.points)
     assert len(made.rows[-1].points) == {"ares_v": 1, "saturn_v_as506": 3}[made.mission.name]
 
 
