@@ -39,7 +39,7 @@ def heard(graph):
 def test_each_has_names_and_frames_of_its_own(graph, heard, ros_environment, tmp_path, way):
     # the cover stays on, which is reported
     mission = tmp_path / "mission.yaml"
-    mission.write_text(yaml.safe_dump(short_burn(**{"jettisons.0.heating_limit_w_m2": 1e-6})))
+    mission.write_text(yaml.safe_dump(short_burn(90.0, **{"jettisons.0.heating_limit_w_m2": 1e-6})))
     started = []
     for namespace in NAMESPACES:
         words = ["fly", *way, "--mission", str(mission), "--pace", "10", "--view"]
