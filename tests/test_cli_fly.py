@@ -28,6 +28,7 @@ from ares_trials.testing.bags import recorded_so_far
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.held import orphans
 from ares_trials.testing.ros import claimed_domain, own_words
+from ares_trials.testing.samples import one_in
 
 TIMEOUT = 240.0
 KEYS = {
@@ -333,7 +334,7 @@ def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_
     assert open_bag(bag).message_count > 0
 
 
-@pytest.mark.parametrize("restarted", [True, False])
+@pytest.mark.parametrize("restarted", one_in(2, [True, False]))
 def test_what_a_node_that_is_killed_has_in_shared_memory_goes_with_the_flight(
     domain, bags, tmp_path, restarted
 ):

@@ -17,6 +17,7 @@ from ares_bringup.fly import fly
 from ares_bringup.options import CannotStart, FlyOptions
 from ares_bringup.outcomes import Outcome
 from ares_trials.testing.ros import own_words
+from ares_trials.testing.samples import one_in
 
 
 @pytest.fixture
@@ -78,7 +79,7 @@ def test_a_good_flight(flight, tmp_path):
     assert said == []
 
 
-@pytest.mark.parametrize("name", ["vehicle_sim", "guidance", "recorder"])
+@pytest.mark.parametrize("name", one_in(3, ["vehicle_sim", "guidance", "recorder"]))
 def test_a_node_that_cannot_start_has_the_word(flight, name, capfd):
     with pytest.raises(CannotStart) as caught:
         flight(**{name: "refuse"})
@@ -180,7 +181,7 @@ def test_a_simulator_whose_time_stands_is_given_up(flight, monkeypatch):
     assert "nothing heard for 1 s: given up" in summary.shortcomings()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", one_in(2, [signal.SIGINT, signal.SIGTERM]))
 def test_an_interrupted_flight(flight, number):
     summary, _ = flight(lambda: os.kill(os.getpid(), number), vehicle_sim="slow")
     assert summary.outcome is Outcome.INTERRUPTED
