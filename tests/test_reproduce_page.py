@@ -30,18 +30,17 @@ def report(reproduction):
 
 
 @pytest.fixture
-def open_page(open_file, reproduction):
-    return partial(open_file, reproduction / PAGE)
-
-
-@pytest.fixture
 def read_page(read_file, reproduction):
     return partial(read_file, reproduction / PAGE)
 
 
+def read_on_a_phone(read_page):
+    return read_page("narrow", "light", has_touch=True, is_mobile=True)
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_the_figures_show_what_the_file_holds(read_page, report, size):
-    page = read_page(size, "light")
+    page = read_page(size, "light") if size == "wide" else read_on_a_phone(read_page)
     figures = page.evaluate(FIGURES)
     expected = {
         item["key"]: item["content"]
@@ -106,8 +105,8 @@ def check_links(page, report):
     assert targets <= set(known)
 
 
-def test_the_button_changes_the_theme_of_page_and_plots(open_page):
-    page = open_page("wide", "dark")
+def test_the_button_changes_the_theme_of_page_and_plots(read_page):
+    page = read_page("wide", "light")
     colours = """() => [
       getComputedStyle(document.body).backgroundColor,
       document.querySelector(".plot .xtick text").style.fill,
@@ -122,8 +121,8 @@ def test_the_button_changes_the_theme_of_page_and_plots(open_page):
     assert not [text for text in page.evaluate(TEXTS) if text["contrast"] < LEAST_CONTRAST]
 
 
-def test_the_contents_can_be_tapped(open_page):
-    page = open_page("narrow", "light", has_touch=True, is_mobile=True)
+def test_the_contents_can_be_tapped(read_page):
+    page = read_on_a_phone(read_page)
     assert page.evaluate("!document.querySelector('.toc details').open")
     boxes = """() => [...document.querySelectorAll(".toc summary, .toc a")].map((e) => {
       const box = e.getBoundingClientRect();
