@@ -52,6 +52,7 @@ from ares_trials.testing.bags import (
     report,
 )
 from ares_trials.testing.ros import own_words, spin_until
+from ares_trials.testing.samples import one_in
 
 #: s; only a test that fails waits so long.
 PATIENCE_S = 120
@@ -336,7 +337,7 @@ def start_process(
     return process
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", one_in(2, [signal.SIGTERM, signal.SIGINT]))
 def test_a_signal_right_after_the_last_message_loses_nothing(
     source: Source, ros_environment: dict[str, str], tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -20,6 +20,7 @@ from ares_node.node import FlightNode, NodeError
 from ares_node.qos import LOG, LOG_QOS
 from ares_node.run import StopSignals
 from ares_trials.testing.ros import own_words, spin_until
+from ares_trials.testing.samples import one_in
 
 DEMO = Path(__file__).with_name("demo_node.py")
 
@@ -81,7 +82,7 @@ def test_a_defect_is_loud(ros_environment: dict[str, str]) -> None:
     assert "cleaned up" in out
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", one_in(2, [signal.SIGINT, signal.SIGTERM]))
 def test_a_signal_ends_the_run_cleanly(
     ros_environment: dict[str, str], number: signal.Signals
 ) -> None:
@@ -142,7 +143,7 @@ def test_compiled_code_does_not_hold_the_process(
     assert (process.returncode, own_words(err)) == (0, "")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", one_in(2, [signal.SIGTERM, signal.SIGINT]))
 def test_a_signal_during_the_imports(
     tmp_path: Path, ros_environment: dict[str, str], number: signal.Signals
 ) -> None:
