@@ -34,7 +34,9 @@ def flight(ares, tmp_path) -> tuple[Path, Path]:
     mission.write_text("# by hand: ä\n" + yaml.safe_dump(short_burn()), encoding="utf-8")
     dispersions.write_text("thrust: 0.001\n", encoding="utf-8")
     words = ("--mission", str(mission), "--dispersions", str(dispersions), "--seed", "7")
-    done = ares("fly", *words, "--bag", str(tmp_path / "bag"), "--in-process")
+    # seldom, since the numbers do not matter
+    words = (*words, "--in-process", "--nav-period", "1")
+    done = ares("fly", *words, "--bag", str(tmp_path / "bag"))
     assert done.returncode == 0, done.stderr
     return mission, tmp_path / "bag"
 
@@ -144,7 +146,7 @@ def test_an_old_bag_is_read_by_name_or_as_told(ares, flight, tmp_path):
     ("told", "said"),
     [
         ("{", "what it says of simulator is no JSON object"),
-        ("[1]", "what it says of simulator is no JSON object"),
+        pytest.param("[1]", "what it says of simulator is no JSON object", marks=pytest.mark.trial),
         ('{"mission_text": 5}', "its mission_text is 5; expected a text"),
         ('{"mission_text": "name: 5"}', "the mission in it cannot be read: "),
     ],
