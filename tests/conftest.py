@@ -27,7 +27,7 @@ from ares_node.heartbeat import is_heartbeat
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
 from ares_thesis.commands.reproduce import PAGE
-from ares_trials.testing.pages import SIZES
+from ares_trials.testing.pages import FIGURES, SIZES, illegible
 from ares_trials.testing.ros import own_words, ros_context, ros_domain, ros_environment, spin_until
 
 __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
@@ -185,6 +185,21 @@ def serious_faults() -> Callable[[Any], list[str]]:
         ]
 
     return find
+
+
+@pytest.fixture(scope="session")
+def check_page(serious_faults) -> Callable[[Any, str], None]:
+    """Return a function that asserts that a page is legible and has no serious fault."""
+
+    def check(page: Any, size: str) -> None:
+        assert illegible(page, size) == []
+        figures = page.evaluate(FIGURES)
+        assert figures
+        assert all(figure["height"] > 250 for figure in figures)
+        if size == "narrow":
+            assert serious_faults(page) == []
+
+    return check
 
 
 #: What a browser says of its own affairs: a driver without a graphics card how long it took, the

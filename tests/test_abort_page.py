@@ -9,6 +9,10 @@ import pytest
 from ares_trials.testing.pages import PLACE
 
 
+def test_the_page_is_legible(read_file, page_of_map, check_page):
+    check_page(read_file(page_of_map, "wide", "light"), "wide")
+
+
 def test_the_map_says_its_ends_in_words(read_file, page_of_map):
     page = read_file(page_of_map, "wide", "light")
     strips = page.locator(".strip")

@@ -40,6 +40,7 @@ SEEN = """([places, view]) => {
     return [...pixel.data].slice(0, 3).join();
   });
 }"""
+PHONE = {"has_touch": True, "is_mobile": True}
 LAND = [(-105, 40), (20, 10), (0, -85), (100, 60), (135, -25), (-60, -10), (80, 25), (-45, 72)]
 SEA = [(-150, 0), (-30, 25), (0, 89), (80, -20), (160, 20), (-120, -45), (-10, -30), (50, 42)]
 #: Lines of cursors, in px from the left of their charts; null where hidden.
@@ -73,6 +74,13 @@ def test_every_figure_has_all_its_lines(read_file, request, which, count):
     assert len(figures) == count
     for figure in figures:
         assert figure["traces"] == len(figure["data"]), figure["key"]
+
+
+def test_the_pages_are_legible_and_have_no_serious_fault(
+    read_file, page_of_one, page_of_two, check_page
+):
+    check_page(read_file(page_of_one, "narrow", "dark", **PHONE), "narrow")
+    check_page(read_file(page_of_two, "wide", "light"), "wide")
 
 
 def test_one_cursor_goes_over_all_charts_and_moves_the_vehicle(read_file, page_of_one):
@@ -209,7 +217,7 @@ def test_land_is_land_from_wherever_it_is_seen(browser, page_of_one):
 
 
 def test_fingers_move_the_cursor_and_may_tap_what_they_need(read_file, page_of_one):
-    page = read_file(page_of_one, "narrow", "dark", has_touch=True, is_mobile=True)
+    page = read_file(page_of_one, "narrow", "dark", **PHONE)
     for name in (".play", ".zoom button", ".transport .time"):
         for box in [one.bounding_box() for one in page.locator(name).all()]:
             assert box["height"] >= 44
@@ -292,7 +300,7 @@ def test_several_flights_are_seen_at_once(read_file, page_of_two):
 
 
 def test_error_and_tolerance_are_seen_first_on_a_phone(read_file, page_of_one):
-    page = read_file(page_of_one, "narrow", "dark", has_touch=True, is_mobile=True)
+    page = read_file(page_of_one, "narrow", "dark", **PHONE)
     head = page.locator("#flight-1 thead th")
     assert head.all_inner_texts()[1:] == ["error", "tolerance", "flown", "target"]
     for k in (1, 2):

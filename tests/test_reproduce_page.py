@@ -57,6 +57,10 @@ def test_the_figures_show_what_the_file_holds(read_page, report, size):
     assert sum(text["chart"] for text in page.evaluate(TEXTS)) > 5 * len(figures)
 
 
+def test_the_page_is_legible_and_has_no_serious_fault(read_page, check_page):
+    check_page(read_on_a_phone(read_page), "narrow")
+
+
 def test_the_page_shows_what_the_file_holds_and_answers(read_page, report):
     page = read_page("wide", "light")
     check_tables(page, report)
