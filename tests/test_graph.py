@@ -416,7 +416,7 @@ def test_a_wrong_stamp_costs_its_own_answer_alone(graph, wrong, off_s):
 def test_status_tells_the_story_of_a_flight(graph):
     statuses = []
     graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
-    graph.start(VehicleSimNode)
+    graph.start(VehicleSimNode, navigation_period_s=1.0)
     graph.start(GuidanceNode)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     assert [status.cycle for status in statuses] == list(range(1, len(statuses) + 1))
@@ -553,7 +553,9 @@ def test_answers_that_come_a_little_late_are_waited_for_again(graph):
 
 
 def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):
-    simulator = graph.start(VehicleSimNode, expected_recorders=1, start_timeout_s=60.0)
+    simulator = graph.start(
+        VehicleSimNode, expected_recorders=1, start_timeout_s=60.0, navigation_period_s=1.0
+    )
     graph.start(GuidanceNode)
     graph.spin(lambda: simulator._members.missing()[0] == "recorder")
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))

@@ -59,8 +59,8 @@ def test_the_same_nodes_fly_one_mission_after_the_other(graph, tmp_path):
 
 def test_guidance_that_pauses_goes_on(graph):
     guidance = graph.start(GuidanceNode)
-    graph.start(VehicleSimNode)
-    graph.spin(lambda: len(graph.states) > 500)
+    graph.start(VehicleSimNode, navigation_period_s=0.5)
+    graph.spin(lambda: len(graph.states) > 100)
     assert guidance.trigger_deactivate() == SUCCESS
     # the simulator waits for its answer meanwhile
     graph.spin(lambda: guidance._held_back is not None)
@@ -74,8 +74,8 @@ def test_guidance_that_pauses_goes_on(graph):
 
 def test_a_stopped_flight_is_not_taken_up_but_a_new_one_is(graph):
     graph.start(GuidanceNode)
-    simulator = graph.start(VehicleSimNode)
-    graph.spin(lambda: len(graph.states) > 500)
+    simulator = graph.start(VehicleSimNode, navigation_period_s=0.5)
+    graph.spin(lambda: len(graph.states) > 100)
     assert simulator.trigger_deactivate() == SUCCESS
     assert simulator.trigger_activate() != SUCCESS
     assert simulator.failure.startswith("the flight was stopped and cannot go on, at ")

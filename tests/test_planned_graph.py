@@ -360,6 +360,7 @@ def test_a_flight_takes_one_search(ares, monkeypatch):
     search = kept.solve
     monkeypatch.setattr(kept, "_kept", type(kept._kept)())
     monkeypatch.setattr(kept, "solve", lambda *a, **k: searches.append(a[1]) or search(*a, **k))
-    done = ares("fly", "--in-process", "--no-record", "--mission", "ariane5_eca")
+    words = ("fly", "--in-process", "--no-record", "--nav-period", "1")
+    done = ares(*words, "--mission", "ariane5_eca")
     assert done.returncode == 0, done.stderr
     assert searches == ["auto"]

@@ -50,7 +50,8 @@ def test_it_is_optimized_and_proven(ares, transfer, method):
 
 
 def test_the_summary_shows_the_errors_of_what_is_named(ares, transfer):
-    done = ares("fly", "--mission", transfer, "--in-process", "--no-record")
+    words = ("fly", "--mission", transfer, "--in-process", "--no-record")
+    done = ares(*words, "--nav-period", "1")
     assert done.returncode == 0, done.stderr
     for words in ("error of perigee radius:", "error of apogee radius:", "error of argument of"):
         assert words in done.stdout
