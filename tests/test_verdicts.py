@@ -38,8 +38,13 @@ PROGRAMS = {
     "view": "ares_view",
     "judge": "ares_bringup/judge",
 }
-#: Causes whose consequences the tests of the layout and of the faults hold too.
-HELD_ELSEWHERE = {"guidance killed", "recorder killed"}
+#: What the tests of the layout, of the faults and of `ares fly` hold too.
+HELD_ELSEWHERE = {
+    ("guidance killed", FLY),
+    ("recorder killed", FLY),
+    ("Ctrl-C", FLY),
+    ("Ctrl-C", IN_PROCESS),
+}
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0
 SLOW = {"pace": "8"}
@@ -388,7 +393,7 @@ CAUSES = {
             way,
             id=f"{name}-{way}".replace(" ", "-"),
             marks=[pytest.mark.trial]
-            if name in HELD_ELSEWHERE or (cause.alike and way != cause.cheapest)
+            if (name, way) in HELD_ELSEWHERE or (cause.alike and way != cause.cheapest)
             else [],
         )
         for name, cause in CAUSES.items()
