@@ -171,6 +171,7 @@ def check_legible(page, size):
     assert page.evaluate(NAMELESS) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "themes", [THEMES, pytest.param(tuple(reversed(THEMES)), marks=pytest.mark.trial)]
 )
@@ -336,6 +337,7 @@ def drain(terminal):
             pass
 
 
+@pytest.mark.long
 def test_a_person_gets_the_page_opened_and_finds_the_report_there_in_the_end(tmp_path, browser):
     """Fly at a terminal with a display; the browser is a script that records the address."""
     noted = tmp_path / "noted"

@@ -73,6 +73,7 @@ def follow(lines, ares):
         compare(lines[begin + 1 : end], (done.stderr if refused else done.stdout).splitlines())
 
 
+@pytest.mark.long
 def test_the_page_to_the_letter(tmp_path, monkeypatch, ares):
     monkeypatch.chdir(tmp_path)
     way, mistakes = PAGE.read_text().split(MISTAKES)

@@ -47,6 +47,7 @@ def mission_of(more: str, thrust: float = 17500.0) -> Mission:
     return parse_mission(STAGE.format(thrust=thrust, more=more.format(thrust=thrust)), "slow.yaml")
 
 
+@pytest.mark.long
 def test_two_burns_at_perigee_take_less_than_one() -> None:
     one, two = (solve(mission_of(more), "collocation") for more in ("", MORE))
     assert one.converged, one.reason
