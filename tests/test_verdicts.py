@@ -41,6 +41,7 @@ PROGRAMS = {
 #: What the tests of the layout, of the faults and of `ares fly` hold too.
 HELD_ELSEWHERE = {
     ("guidance killed", FLY),
+    ("guidance killed and restarted", FLY),
     ("recorder killed", FLY),
     ("Ctrl-C", FLY),
     ("Ctrl-C", IN_PROCESS),
