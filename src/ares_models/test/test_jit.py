@@ -206,7 +206,8 @@ print(PLAIN, "ares_models.linked" in sys.modules, file=sys.stderr)
 
 
 def test_numba_without_its_private_parts_gives_the_same_numbers(tmp_path):
-    linked = run_kernels(BY_PLAIN_NUMBA, tmp_path)
+    there = os.environ["NUMBA_CACHE_DIR"]
+    linked = run_kernels(BY_PLAIN_NUMBA, tmp_path, NUMBA_CACHE_DIR=there)
     plain = run_kernels(BY_PLAIN_NUMBA, tmp_path, ARES_PLAIN_NUMBA="1")
     assert (linked.stderr, plain.stderr) == ("False True\n", "True False\n")
     assert plain.stdout == linked.stdout != ""
