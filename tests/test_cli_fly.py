@@ -282,7 +282,7 @@ def test_a_second_flight_on_the_same_graph_has_no_effect(ares, ros_domain, bags,
     short.write_text(yaml.safe_dump(short_burn(180.0)))
     here = ("fly", "--json", "--no-record", "--in-process", "--mission")
     alone = ares(*here, str(long))
-    argv = ("--json", "--pace", "20", "--mission", str(long), "--bag", str(bag))
+    argv = ("--in-process", "--json", "--pace", "20", "--mission", str(long), "--bag", str(bag))
     first = subprocess.Popen(
         command("fly", *argv),
         env=environment(ros_domain, bags),
