@@ -4,6 +4,7 @@
 import math
 import re
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -371,10 +372,10 @@ def test_a_trial_flies_by_its_constants_to_near_the_target() -> None:
     assert trial.track[-1, rollout.TIME] == pytest.approx(trial.times.cutoff)
 
 
-def first_trial(name: str) -> tuple[MissionArrays, TrialFlight]:
+def first_trial(name: str, number: int = 0) -> tuple[MissionArrays, TrialFlight]:
     mission = load_mission(LAUNCHERS / f"{name}.yaml")
     arrays, start = mission.arrays(), start_of(mission)
-    return arrays, next(trials(arrays, start, floors_of(arrays, start)))
+    return arrays, next(islice(trials(arrays, start, floors_of(arrays, start)), number, None))
 
 
 def test_a_trial_in_three_burns_coasts_to_the_apogee() -> None:
@@ -388,7 +389,8 @@ def test_a_trial_in_three_burns_coasts_to_the_apogee() -> None:
 
 def test_burns_of_fixed_length_that_reach_an_orbit_are_not_wasted() -> None:
     # core and second stage alone reach 700 km by 185 km, and a circular orbit only with yaw
-    _, trial = first_trial("soyuz_gto")
+    # those before coast to the argument of perigee, and to the apogee of a transfer
+    _, trial = first_trial("soyuz_gto", 2)
     assert trial.times.lengths[0] < 0.01 * 1_078.0
     coast = trial.track[trial.track[:, rollout.ARC] == 4][0]
     r, v = coast[rollout.POSITION : rollout.VELOCITY], coast[rollout.VELOCITY : rollout.DIRECTION]
