@@ -26,8 +26,9 @@ from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.kernels.targets import named_plane
 from ares_models.mission import MissionError, load_mission, parse_mission
+from ares_optimizer.collocation.ascents import try_free_node
 from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
-from ares_optimizer.collocation.pilot import Pilot
+from ares_optimizer.collocation.pilot import Pilot, plane_from_ground
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.rollout import ALTITUDE
@@ -675,6 +676,36 @@ def test_a_parking_coast_of_most_of_a_revolution_ends_at_the_perigee(latitude, a
     assert solution.m_f_kg == pytest.approx(14_766.046, abs=0.01)
     coast = solution.flown[-2]
     assert coast.end_s - coast.start_s == pytest.approx(3_712.0, abs=5.0)
+
+
+@pytest.mark.trial
+def test_a_named_plane_beside_the_pad_is_reached_from_a_flight_with_a_free_node():
+    solution = solve(load_mission(str(MISSIONS / "spun_retrograde_pad.yaml")), "auto")
+    assert solution.converged, solution.reason
+    second = next(arc for arc in solution.flown if arc.arc == 3)
+    assert second.end_s - second.start_s == pytest.approx(195.707, abs=0.01)
+
+
+@pytest.mark.parametrize("south", [False, True])
+def test_a_free_node_leads_to_a_named_one(south):
+    mission = parse_mission(SMALL.format(thrust=800000.0), "small.yaml")
+    start = mission.start().navigation()
+    x, y, _ = plane_from_ground(mission.arrays(), start)
+    node = math.degrees(math.atan2(x, -y))
+    if south:
+        # as far beyond the pad as the other one is before it
+        pad = start["position"][0]
+        node = 2.0 * math.degrees(math.atan2(pad[1], pad[0])) - node + 180.0
+    target = {"ascending_node_deg": node + 0.2}
+    arrays = mission.model_copy(
+        update={"target": mission.target.model_copy(update=target)}
+    ).arrays()
+    search = Search(
+        arrays, start, (), Request(arrays, start, "auto", Heating.AT_JETTISON, Deadline())
+    )
+    try_free_node(search)
+    assert search.best is not None
+    assert not search._is_reversed(search.best)
 
 
 @pytest.mark.trial

@@ -8,6 +8,7 @@ air, and is flown by the constants of a trial flight.
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
 from typing import NamedTuple
@@ -15,10 +16,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import COAST, NAMES_ASCENDING_NODE, NAMES_INCLINATION, MissionArrays
+from ares_models.arrays import (
+    COAST,
+    NAMES_ASCENDING_NODE,
+    NAMES_INCLINATION,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    MissionArrays,
+)
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.judging import judged_by
+from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
     ROUND,
@@ -27,7 +37,13 @@ from ares_optimizer.collocation.guess import (
     trials,
     without_speed,
 )
-from ares_optimizer.collocation.pilot import Array, Pilot, TrialFlight, plane_from_ground
+from ares_optimizer.collocation.pilot import (
+    NAMES_PLANE,
+    Array,
+    Pilot,
+    TrialFlight,
+    plane_from_ground,
+)
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -168,15 +184,61 @@ def try_other_plane(search: Search) -> None:
     up = start["position"][0] / np.linalg.norm(start["position"][0])
     if abs(math.cos(float(target["inclination"]))) > _EASTWARD * math.hypot(up[0], up[1]):
         return
+    met = search.again
+    search.try_start(_in_other_plane(best, start))
+    search.optima[0].met = max(search.optima[0].met, met)
+
+
+def _in_other_plane(found: FoundOptimum, start: NDArray[np.void]) -> TrialFlight:
+    """Mirror a flight at the plane of the vertical and the east at the start."""
+    up = start["position"][0] / np.linalg.norm(start["position"][0])
     east = np.cross([0.0, 0.0, 1.0], up)
     north = np.cross(up, east / np.linalg.norm(east))
-    track = track_of(best)
+    track = track_of(found)
     for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION):
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
-    met = search.again
-    search.try_start(TrialFlight(times_of(best.program, best.point.x), track, 0.0, limited=True))
-    search.optima[0].met = max(search.optima[0].met, met)
+    return TrialFlight(times_of(found.program, found.point.x), track, 0.0, limited=True)
+
+
+def try_free_node(search: Search) -> None:
+    """Solve from the best flights from the pad to the target's inclination, with a free node.
+
+    Args:
+        search: of a mission that names its plane; it may get a solution.
+    """
+    arrays, start = search.arrays, search.start
+    target = arrays.target.copy()
+    if (
+        int(judged_by(target[0])) & NAMES_PLANE != NAMES_PLANE
+        or target["kind"] == TARGET_KEPLERIAN
+        or plane_from_ground(arrays, start) is None
+    ):
+        return
+    target["named"] &= ~NAMES_ASCENDING_NODE
+    if target["kind"] == TARGET_RADIUS_SPEED_ANGLE_PLANE:
+        target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    free = Search(arrays._replace(target=target), start, search.floors, search.request)
+    for trial in islice(first_guesses(free), _MOST_ASCENTS):
+        if free.is_conclusive or search.request.deadline.passed:
+            break
+        free.try_start(trial)
+    search.iterations += free.iterations
+    if free.best is None:
+        return
+    here = TrialFlight(
+        times_of(free.best.program, free.best.point.x), track_of(free.best), 0.0, limited=True
+    )
+    normal = np.array(named_plane(arrays.target[0]))
+
+    def aside(trial: TrialFlight) -> float:
+        end = trial.track[-1]
+        r, v = end[rollout.POSITION : rollout.VELOCITY], end[rollout.VELOCITY : rollout.DIRECTION]
+        h = np.cross(r, v)
+        return -float(h @ normal / np.linalg.norm(h))
+
+    nearest = min(here, _in_other_plane(free.best, start), key=aside)
+    search.try_start(replace(nearest, met=free.again))
 
 
 def try_coast_to_apogee(search: Search) -> None:

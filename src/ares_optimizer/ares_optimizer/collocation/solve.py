@@ -10,6 +10,7 @@ from ares_models.plans import flies_in_air
 from ares_optimizer.collocation.ascents import (
     first_guesses,
     try_coast_to_apogee,
+    try_free_node,
     try_other_plane,
 )
 from ares_optimizer.collocation.divided_burn import raises_slowly, try_divided_burn
@@ -65,6 +66,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         if search.starts == _UNMET and search.best is None and beat_kg is None:
             if not slowly:
                 try_divided_burn(search)
+            if search.best is None:
+                try_free_node(search)
             short = short_of_propellant(search) if search.best is None else None
     try_coast_to_apogee(search)
     try_other_plane(search)
