@@ -38,10 +38,10 @@ from ares_optimizer.collocation.guess import (
     without_speed,
 )
 from ares_optimizer.collocation.pilot import (
-    NAMES_PLANE,
     Array,
     Pilot,
     TrialFlight,
+    names_plane,
     plane_from_ground,
 )
 from ares_optimizer.collocation.points import FoundOptimum, times_of
@@ -149,10 +149,8 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
     for optimum in rest.optima:
         if not any(_are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
-            found = optimum.found
-            times = times_of(found.program, found.point.x)
-            trial = TrialFlight(times, track_of(found), 0.0, met=optimum.met)
-            joined.append((found.m_f_kg, _joined(search, begin, trial)))
+            trial = _flight_of(optimum.found, optimum.met)
+            joined.append((optimum.found.m_f_kg, _joined(search, begin, trial)))
     return joined
 
 
@@ -185,20 +183,26 @@ def try_other_plane(search: Search) -> None:
     if abs(math.cos(float(target["inclination"]))) > _EASTWARD * math.hypot(up[0], up[1]):
         return
     met = search.again
-    search.try_start(_in_other_plane(best, start))
+    search.try_start(_in_other_plane(_flight_of(best), start))
     search.optima[0].met = max(search.optima[0].met, met)
 
 
-def _in_other_plane(found: FoundOptimum, start: NDArray[np.void]) -> TrialFlight:
+def _flight_of(found: FoundOptimum, met: int = 1) -> TrialFlight:
+    """Return a solution as a trial flight, to which ``met`` first guesses led."""
+    times = times_of(found.program, found.point.x)
+    return TrialFlight(times, track_of(found), 0.0, limited=True, met=met)
+
+
+def _in_other_plane(flight: TrialFlight, start: NDArray[np.void]) -> TrialFlight:
     """Mirror a flight at the plane of the vertical and the east at the start."""
     up = start["position"][0] / np.linalg.norm(start["position"][0])
     east = np.cross([0.0, 0.0, 1.0], up)
     north = np.cross(up, east / np.linalg.norm(east))
-    track = track_of(found)
+    track = flight.track.copy()
     for at in (rollout.POSITION, rollout.VELOCITY, rollout.DIRECTION):
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
-    return TrialFlight(times_of(found.program, found.point.x), track, 0.0, limited=True)
+    return replace(flight, track=track)
 
 
 def try_free_node(search: Search) -> None:
@@ -210,7 +214,7 @@ def try_free_node(search: Search) -> None:
     arrays, start = search.arrays, search.start
     target = arrays.target.copy()
     if (
-        int(judged_by(target[0])) & NAMES_PLANE != NAMES_PLANE
+        not names_plane(arrays)
         or target["kind"] == TARGET_KEPLERIAN
         or plane_from_ground(arrays, start) is None
     ):
@@ -226,19 +230,15 @@ def try_free_node(search: Search) -> None:
     search.iterations += free.iterations
     if free.best is None:
         return
-    here = TrialFlight(
-        times_of(free.best.program, free.best.point.x), track_of(free.best), 0.0, limited=True
-    )
+    here = _flight_of(free.best, free.again)
     normal = np.array(named_plane(arrays.target[0]))
 
-    def aside(trial: TrialFlight) -> float:
+    def along_normal(trial: TrialFlight) -> float:
         end = trial.track[-1]
         r, v = end[rollout.POSITION : rollout.VELOCITY], end[rollout.VELOCITY : rollout.DIRECTION]
-        h = np.cross(r, v)
-        return -float(h @ normal / np.linalg.norm(h))
+        return float(np.cross(r, v) @ normal)
 
-    nearest = min(here, _in_other_plane(free.best, start), key=aside)
-    search.try_start(replace(nearest, met=free.again))
+    search.try_start(max(here, _in_other_plane(here, start), key=along_normal))
 
 
 def try_coast_to_apogee(search: Search) -> None:

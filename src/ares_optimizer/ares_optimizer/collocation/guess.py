@@ -21,13 +21,14 @@ from ares_models.arrays import (
 from ares_models.floors import Floor
 from ares_models.kernels.judging import judged_by
 from ares_models.kernels.targets import named_plane
+from ares_models.orbits import Elements
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.pilot import (
     CONSTANTS,
-    NAMES_PLANE,
     Array,
     Pilot,
     TrialFlight,
+    names_plane,
     target_energy,
 )
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -69,8 +70,9 @@ COASTS = (0.12, 0.03, 0.3, 0.5, 0.8, 0.2, 0.65, 0.4, 0.93)
 _LATER_COASTS = (1.12, 1.5, 1.8, 1.3)
 #: End of a coast after the first, as fraction of a revolution from perigee: the apogee.
 _TO_APOGEE = 0.5
-#: End of a first coast at the target's argument of perigee, and fraction of a revolution by which
-#: it ends before: a burn around perigee begins there.
+#: End of a first coast at the target's argument of perigee, or after a revolution where it begins
+#: on no orbit, and fraction of a revolution by which it ends before: a burn around perigee begins
+#: there.
 _TO_PERIGEE = -1.0
 _BEFORE_PERIGEE = 0.02
 #: Another trial length of such a coast, fraction of a revolution.
@@ -334,7 +336,7 @@ def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | 
     target["speed"] = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
     target["flight_path_angle"] = 0.0
     plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
-    if pilot.plane is not None and int(judged_by(arrays.target[0])) & NAMES_PLANE == NAMES_PLANE:
+    if pilot.plane is not None and names_plane(arrays):
         # two planes of one inclination pass over the pad
         wanted = np.array(named_plane(arrays.target[0]))
         plane = wanted if wanted @ plane > _NEAR_PLANE else plane
@@ -500,10 +502,8 @@ def _raised_apogee(pilot: Pilot, share: float) -> float:
     mu, perigee = float(pilot.arrays.environment[0]["mu"]), pilot.parking_m
     if share == 1.0 or apogee <= perigee:
         return apogee
-    low, high = (
-        math.sqrt(mu / perigee),
-        math.sqrt(2.0 * mu * (1 / perigee - 1 / (perigee + apogee))),
-    )
+    low = math.sqrt(mu / perigee)
+    high = math.sqrt(2.0 * mu * (1.0 / perigee - 1.0 / (perigee + apogee)))
     speed = low + share * (high - low)
     return 1.0 / (1.0 / perigee - 0.5 * speed * speed / mu) - perigee
 
@@ -549,12 +549,9 @@ def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: flo
         return abs(part) * pilot.period
     period = math.tau * math.sqrt(a**3 / mu)
     if part == _TO_PERIGEE:
-        h = np.cross(r, v)
-        node = np.array([-h[1], h[0], 0.0]) / math.hypot(h[0], h[1])
-        across = np.cross(h, node) / np.linalg.norm(h)
-        ahead = float(pilot.arrays.target[0]["argument_of_perigee"]) - math.atan2(
-            r @ across, r @ node
-        )
+        orbit = Elements.from_state(r, v, mu)
+        ahead = float(pilot.arrays.target[0]["argument_of_perigee"])
+        ahead -= orbit.argument_of_perigee + orbit.true_anomaly
         return ((ahead / math.tau - _BEFORE_PERIGEE) % 1.0) * period
     if part != _TO_APOGEE or a < _HIGH * pilot.parking_m:
         return part * max(period, pilot.period)

@@ -38,8 +38,6 @@ from ares_optimizer.plan import free_arcs, longest_burn, waiting_for_heating
 from ares_optimizer.results import SAME_LENGTH
 
 Array = NDArray[np.float64]
-#: Elements that name a plane.
-NAMES_PLANE = NAMES_INCLINATION | NAMES_ASCENDING_NODE
 _STEP_S = 8.0
 _AIR_STEP_S = 4.0
 _MOST_ROWS = 30_000
@@ -75,7 +73,7 @@ class TrialFlight:
         times: its free times.
         track: shape (n, TRACK_COLUMNS), of :mod:`rollout`.
         miss: norm of the errors against target and floors, without unit.
-        limited: it keeps the pressure limits.
+        limited: it keeps the pressure limits, and above the ground.
         turned: it begins with a zero-lift turn, which keeps those of the angle of attack.
         met: number of first guesses that led to it.
         near: it reaches the target but for its transcription.
@@ -401,9 +399,10 @@ class Pilot:
 
         there = times_of(x0)
         track = self.fly(there, x0[:n])
-        if not len(track) or not np.isfinite(self.miss_of(track, there)).all():
+        missed = self.miss_of(track, there) if len(track) else np.full(1, math.nan)
+        if not np.isfinite(missed).all():
             return TrialFlight(times, track.copy(), math.inf), constants
-        count = self.miss_of(track, there).size + x0.size
+        count = missed.size + x0.size
         found = least_squares(
             residual,
             x0,
@@ -461,6 +460,12 @@ def plane_from_ground(arrays: MissionArrays, start: NDArray[np.void]) -> Array |
             heading = sine * east + math.sqrt(1.0 - sine * sine) * north
             normal = np.cross(up, heading)
     return np.asarray(normal / np.linalg.norm(normal))
+
+
+def names_plane(arrays: MissionArrays) -> bool:
+    """Return true if the target names its plane."""
+    plane = NAMES_INCLINATION | NAMES_ASCENDING_NODE
+    return int(judged_by(arrays.target[0])) & plane == plane
 
 
 def target_energy(arrays: MissionArrays) -> float:

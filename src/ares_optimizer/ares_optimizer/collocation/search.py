@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from ares_models.arrays import COAST, MissionArrays
 from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
-from ares_models.kernels.judging import judged_by
 from ares_models.kernels.targets import named_plane
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.intervals import Sweep, sweep_of
-from ares_optimizer.collocation.pilot import NAMES_PLANE, TrialFlight
+from ares_optimizer.collocation.pilot import TrialFlight, names_plane
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -257,7 +256,7 @@ class Search:
 
         The equations of a named plane hold there too.
         """
-        if int(judged_by(self.arrays.target[0])) & NAMES_PLANE != NAMES_PLANE:
+        if not names_plane(self.arrays):
             return False
         end = found.point.x[6 * found.program.nodes - 6 : 6 * found.program.nodes]
         normal = np.array(named_plane(self.arrays.target[0]))
