@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 _BURN_TURN = 0.12
 COAST_TURN = 0.25
 _AIR_TURN = 0.03
+#: Altitude up to which the air needs such short intervals, m.
+_THICK_AIR_M = 6e4
 _LEAST_BURN = 2
 _MOST_BURN = 40
 _LEAST_COAST = 2
@@ -61,23 +63,28 @@ class Sweep(NamedTuple):
     Attributes:
         time: s, shape (n,), not decreasing.
         angle: swept since the first time, rad, shape (n,).
+        above_air_s: time at which the flight leaves thick air, s.
     """
 
     time: Array
     angle: Array
+    above_air_s: float = math.inf
 
 
-def sweep_of(time: Array, position: Array, mu: float) -> Sweep:
+def sweep_of(time: Array, position: Array, environment: Record) -> Sweep:
     """Integrate the rate of a circular orbit at the radius of a flight.
 
     Args:
         time: s, shape (n,), not decreasing.
         position: m, shape (n, 3).
-        mu: gravitational parameter, m3/s2.
+        environment: record ENVIRONMENT.
     """
-    rate = np.sqrt(mu / np.maximum(np.linalg.norm(position, axis=1), 1.0) ** 3)
-    angle: Array = cumulative_trapezoid(rate, time, initial=0)
-    return Sweep(time, angle)
+    radius = np.maximum(np.linalg.norm(position, axis=1), 1.0)
+    angle: Array = cumulative_trapezoid(
+        np.sqrt(float(environment["mu"]) / radius**3), time, initial=0
+    )
+    low = np.flatnonzero(radius < float(environment["equatorial_radius"]) + _THICK_AIR_M)
+    return Sweep(time, angle, float(time[low[-1] if low.size else 0]))
 
 
 def has_thrust(piece: Record) -> bool:
@@ -86,37 +93,39 @@ def has_thrust(piece: Record) -> bool:
 
 
 def place_intervals(
-    piece: Record, unit_s: float, in_air: bool, finer: float, turning: Turning | None
+    piece: Record, unit_s: float, air_end_s: float, finer: float, turning: Turning | None
 ) -> Array:
     """Return the ends of the intervals of a phase, as fractions of the phase.
 
     Args:
         piece: the phase's segment, record SEGMENT.
         unit_s: time of 1 rad of a low circular orbit.
-        in_air: forces of the air or a vertical rise are part of it.
+        air_end_s: time up to which forces of the air need short intervals, s.
         finer: factor on the number of intervals.
         turning: turn of the thrust in a similar flight; None: intervals are equal.
     """
     begin, end = float(piece["start"]), float(piece["end"])
+    if end - begin < _SHORT:
+        return np.linspace(0.0, 1.0, math.ceil(finer) + 1)
     burning = has_thrust(piece)
     step, least, most = (
         (_BURN_TURN, _LEAST_BURN, _MOST_BURN)
         if burning
         else (COAST_TURN, _LEAST_COAST, _MOST_COAST)
     )
-    if in_air and burning:
-        step = _AIR_TURN if turning is None else 2.0 * _AIR_TURN
-    count = min(max(math.ceil((end - begin) / unit_s / step), least), most)
-    if end - begin < _SHORT:
-        count = 1
     even = np.linspace(0.0, 1.0, _PLACES)
-    if turning is None or not burning or end - begin < _SHORT:
-        return np.linspace(0.0, 1.0, math.ceil(finer * count) + 1)
-    turned = np.interp(begin + even * (end - begin), *turning)
-    # additional intervals in proportion to the turn of the thrust
-    whole = even * count + (turned - turned[0]) / _THRUST_TURN
-    count = math.ceil(finer * min(whole[-1], _MOST_TURNS))
-    return _equal_shares(whole, count)
+    times = begin + even * (end - begin)
+    in_air = np.clip(times, begin, max(begin, air_end_s if burning else begin)) - begin
+    air_step = _AIR_TURN if turning is None else 2.0 * _AIR_TURN
+    whole = (in_air / air_step + (times - begin - in_air) / step) / unit_s
+    count = min(max(math.ceil(whole[-1]), least), most)
+    whole *= count / whole[-1]
+    if turning is not None and burning:
+        turned = np.interp(times, *turning)
+        # additional intervals in proportion to the turn of the thrust
+        whole += (turned - turned[0]) / _THRUST_TURN
+        count = min(whole[-1], _MOST_TURNS)
+    return _equal_shares(whole, math.ceil(finer * count))
 
 
 def place_by_sweep(piece: Record, unit_s: float, finer: float, sweep: Sweep) -> tuple[Array, float]:
@@ -137,7 +146,7 @@ def place_by_sweep(piece: Record, unit_s: float, finer: float, sweep: Sweep) -> 
         return np.linspace(0.0, 1.0, math.ceil(finer) + 1), 1.0
     low = (end - begin) / unit_s
     even = np.linspace(0.0, 1.0, _PLACES)
-    angle = np.interp(begin + even * (end - begin), *sweep)
+    angle = np.interp(begin + even * (end - begin), sweep.time, sweep.angle)
     whole = angle - angle[0] + _COAST_EVEN * low * even
     count = min(max(math.ceil(whole[-1] / COAST_TURN), _LEAST_COAST), _MOST_COAST)
     pace = min(1.0, float(angle[-1] - angle[0]) / low)

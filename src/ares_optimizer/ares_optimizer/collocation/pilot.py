@@ -377,7 +377,8 @@ class Pilot:
         for i, f in enumerate(moved):
             if arcs[self.free[f]]["kind"] == COAST:
                 # not by a revolution
-                near = x0[n + i] + np.array((-0.5, 0.5)) * self.period / sizes[i]
+                middle = min(max(x0[n + i], low[n + i]), 1.0)
+                near = middle + np.array((-0.5, 0.5)) * self.period / sizes[i]
                 low[n + i], high[n + i] = max(low[n + i], near[0]), min(1.0, near[1])
         x0 = np.clip(x0, low + 1e-6, high - 1e-6)
 

@@ -42,8 +42,10 @@ _JUNCTION_S = 4.0
 #: Multiplier of a pressure limit, relative to the greatest, from which it acts.
 _ACTING = 1e-2
 _GRID = 4001
-#: Angle of the intervals of a coast, relative to that of new ones, from which they are too long.
+#: Angle of the intervals of a coast, relative to that of new ones, from which they are too long; the
+#: same of the length of a burn, relative to its trial flight and in s.
 _LONG = 2.0
+_LONG_S = 10.0
 #: Samples of a coast per state.
 _SAMPLES = 8
 
@@ -176,15 +178,21 @@ def sweep_of_found(found: FoundOptimum) -> Sweep:
     program, x = found.program, found.point.x
     position = program.radius * x[: 6 * program.nodes].reshape(-1, 6)[:, :3]
     times = node_times(program, program.time * x[program.lengths])
-    return sweep_of(times, position, float(program.arrays.environment[0]["mu"]))
+    return sweep_of(times, position, program.arrays.environment[0])
 
 
-def has_long_coast(found: FoundOptimum) -> bool:
-    """Return true if a coast has become too long for its intervals."""
+def has_long_intervals(found: FoundOptimum) -> bool:
+    """Return true if a coast or a burn has become too long for its intervals."""
     program = found.program
     angles = np.diff(sweep_of_found(found).angle[program.first])
-    coasts = program.steering == COASTING
-    return bool((angles[coasts] > _LONG * COAST_TURN * program.intervals[coasts]).any())
+    lengths = program.time * found.point.x[program.lengths]
+    tried = program.segments["end"] - program.segments["start"]
+    long = np.where(
+        program.steering == COASTING,
+        angles > _LONG * COAST_TURN * program.intervals,
+        lengths > _LONG * tried + _LONG_S,
+    )
+    return bool(long.any())
 
 
 def _with_air(found: FoundOptimum, turning: Turning) -> Turning:

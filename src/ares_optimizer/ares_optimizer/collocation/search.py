@@ -20,7 +20,7 @@ from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
     acting_limits,
-    has_long_coast,
+    has_long_intervals,
     lowest_in,
     mass_of,
     penalize_turning,
@@ -287,7 +287,7 @@ class Search:
                 self._unproven = True
             return None
         known = FoundOptimum(program, point, mass_of(program, point))
-        rough = self._dips_below_floor(known) or has_long_coast(known)
+        rough = self._dips_below_floor(known) or has_long_intervals(known)
         found = self._retranscribed(known, floors) if rough else known
         if found is None:
             self._unproven = True
@@ -503,9 +503,9 @@ def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> 
 
 def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
     """Return the sweep of a trial flight."""
-    track, mu = trial.track, float(arrays.environment[0]["mu"])
+    track = trial.track
     position = track[:, rollout.POSITION : rollout.VELOCITY]
-    return sweep_of(track[:, rollout.TIME], position, mu)
+    return sweep_of(track[:, rollout.TIME], position, arrays.environment[0])
 
 
 def again_found(

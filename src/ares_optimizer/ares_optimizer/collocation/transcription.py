@@ -167,8 +167,8 @@ class CollocationProgram:
             finer: factor on the number of intervals.
             turning: turn of the thrust in a similar flight: intervals are shorter where it is
                 fast. None: intervals are equal in a phase.
-            sweep: of a similar flight: intervals of coasts are longer where its orbit is slow.
-                None: they are those of a low circular orbit.
+            sweep: of a similar flight: intervals of coasts are longer where its orbit is slow, and
+                those of burns above the air. None: they are those of a low circular orbit.
 
         Raises:
             ValueError: the times are not possible, or a drop that waits for heating coincides with
@@ -238,9 +238,11 @@ class CollocationProgram:
         #: Angle that each phase sweeps in the similar flight, over that of a low circular orbit.
         self.pace = np.ones(len(self.segments))
         self.breaks: list[Array] = []
+        above_air_s = math.inf if sweep is None else sweep.above_air_s
         for p, piece in enumerate(self.segments):
             if sweep is None or has_thrust(piece):
-                breaks = place_intervals(piece, self.time, self._in_air(piece), finer, turning)
+                air_end_s = above_air_s if self._in_air(piece) else -math.inf
+                breaks = place_intervals(piece, self.time, air_end_s, finer, turning)
             else:
                 breaks, self.pace[p] = place_by_sweep(piece, self.time, finer, sweep)
             self.breaks.append(breaks)
