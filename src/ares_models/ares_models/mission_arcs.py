@@ -21,6 +21,7 @@ from ares_models.mission_keys import (
     Acceleration,
     Altitude,
     Area,
+    BucketThrottle,
     Curve,
     Delay,
     Duration,
@@ -152,8 +153,10 @@ def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | N
 #: Keys of a burn that a thrust table excludes.
 _NO_TABLE = (
     *("thrust_n", "burn_time_s", "min_s", "max_s", "max_acceleration_m_s2", "min_throttle"),
-    *("start", "tail_off", "engine_out"),
+    *("start", "tail_off", "engine_out", "throttle_bucket"),
 )
+#: Keys that a burn with a throttle bucket excludes.
+_NO_BUCKET = ("min_s", "max_s", "max_acceleration_m_s2", "start", "engine_out")
 #: Required keys of a burn, in one of these forms.
 BURN_FORMS = (
     ("thrust_n", "isp_s", "burn_time_s"),
@@ -216,6 +219,12 @@ class BurnArc(Part):
     min_throttle: Fraction | None = Field(
         default=None, description="fraction of full thrust below which it is not throttled"
     )
+    throttle_bucket: BucketThrottle | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="fraction of full thrust around the greatest dynamic pressure; from when to "
+        "when, the optimizer plans",
+    )
     start: Curve | None = Field(
         default=None,
         description="thrust fraction after the ignition command, knots [seconds, fraction]",
@@ -252,6 +261,7 @@ class BurnArc(Part):
                 fail((key,), None, f"a number{unit_of(key)}{instead}")
         check_bounds("burn_time_s", self.burn_time_s, self.min_s, self.max_s)
         self._check_throttle()
+        self._check_bucket()
         self._check_curves()
 
     def _check_vertical(self) -> None:
@@ -264,7 +274,7 @@ class BurnArc(Part):
                 fail((key,), getattr(self, key), "no such key beside vertical_rise_s")
         if self.attitude == "held":
             fail(("attitude",), "held", "guided, beside vertical_rise_s")
-        if self.free:
+        if self.free and self.throttle_bucket is None:
             expected = "a burn of fixed length for it, before the one with burn_time_s: free"
             fail(("vertical_rise_s",), rise, expected)
         if rise >= self.duration_s:
@@ -335,6 +345,17 @@ class BurnArc(Part):
         for key in ("start", "tail_off", "engine_out"):
             if getattr(self, key) is not None:
                 fail((key,), getattr(self, key), "no such key beside max_acceleration_m_s2")
+
+    def _check_bucket(self) -> None:
+        """Report keys that contradict a throttle bucket."""
+        if self.throttle_bucket is None:
+            return
+        if not self.free:
+            expected = "free, beside throttle_bucket: the optimizer plans the length"
+            fail(("burn_time_s",), self.burn_time_s, expected)
+        for key in _NO_BUCKET:
+            if getattr(self, key) is not None:
+                fail((key,), getattr(self, key), "no such key beside throttle_bucket")
 
     def _check_curves(self) -> None:
         check_curve("start", self.start, 1.0)

@@ -2,7 +2,8 @@
 """Boosters that burn beside the first burn of a stage, and the arcs that they make of it.
 
 For the kernels a burn with boosters is several arcs, each with the thrust, the mass flow and the
-exit area of all that burns then. An empty booster drops as it burns out.
+exit area of all that burns then. An empty booster drops as it burns out. A burn with a vertical
+rise or a throttle bucket is several arcs too.
 """
 
 import math
@@ -128,6 +129,7 @@ class BurnPart(NamedTuple):
         vertical: the thrust is along the vertical.
         continues: no engine is lit at its begin.
         lit: the boosters that burn.
+        throttle: fraction of full thrust.
     """
 
     name: str
@@ -136,12 +138,13 @@ class BurnPart(NamedTuple):
     vertical: bool
     continues: bool
     lit: tuple[Booster, ...]
+    throttle: float = 1.0
 
 
 def burn_parts(
     name: str, burn: BurnArc, boosters: Sequence[Booster], g0: float
 ) -> tuple[BurnPart, ...]:
-    """Cut a burn where boosters are lit and burn out, and where a vertical rise ends.
+    """Cut a burn where boosters are lit and burn out, where a vertical rise ends, and at a bucket.
 
     Args:
         name: of the burn.
@@ -168,6 +171,13 @@ def burn_parts(
         whole = name + "".join(f" with {booster.name}" for booster in lit)
         whole += ", vertical rise" * vertical
         parts.append(BurnPart(whole, begin, end, vertical, not lights, lit))
+    if burn.throttle_bucket is not None:
+        before = parts[-1]
+        after = before._replace(name=f"{name}, full thrust again", continues=True)
+        parts += [
+            after._replace(name=f"{name}, throttled", throttle=burn.throttle_bucket),
+            after,
+        ]
     return tuple(parts)
 
 
@@ -181,9 +191,11 @@ def part_row(core: Row, part: BurnPart, last: bool, g0: float) -> Row:
         g0: m/s2.
     """
     row = core.copy()
-    row["begins_stage"] = core["begins_stage"] if part.begin == 0.0 else 0
+    row["begins_stage"] = 0 if part.continues or part.begin > 0.0 else core["begins_stage"]
     row["continues"] = part.continues
     row["vertical"] = part.vertical
+    for name in ("thrust", "mass_flow"):
+        row[name] *= part.throttle
     row["duration"] = part.end - part.begin
     for name in ("shortest", "longest"):
         row[name] = row["duration"] if math.isfinite(part.end) else core[name] - part.begin
@@ -288,7 +300,7 @@ def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float)
     if not boosters:
         return
     burn = stage.burns[0]
-    for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2"):
+    for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2", "throttle_bucket"):
         if getattr(burn, key) is not None:
             expected = "no such key in a burn beside boosters"
             fail((*stage_path, key), getattr(burn, key), expected)

@@ -40,6 +40,7 @@ def check_mission(mission: "Mission") -> None:
     check_mass_forms(mission)
     check_body(mission)
     _check_free_arcs(mission)
+    _check_throttle_buckets(mission)
     _check_last_stage_stays(mission)
     check_programme(mission)
     _check_parking_orbits(mission)
@@ -108,6 +109,28 @@ def _check_free_arcs(mission: "Mission") -> None:
             fail((*path, "burn_time_s"), last.burn_time_s, f"free, for at least one burn{_INSTEAD}")
         instead = f"thrust_n and burn_time_s: free in its place, for at least one burn{_INSTEAD}"
         fail((*path, "thrust_table"), last.thrust_table, instead)
+
+
+def _check_throttle_buckets(mission: "Mission") -> None:
+    """Report a throttle bucket that has no limit to keep, or that is not planned as it stands."""
+    for i, stage in enumerate(mission.stages):
+        for k, arc in enumerate(stage.flight_arcs):
+            if not isinstance(arc, BurnArc) or arc.throttle_bucket is None:
+                continue
+            path = ("stages", i, *stage.arc_path(k, "throttle_bucket"))
+            if stage.max_dynamic_pressure_pa is None:
+                expected = "max_dynamic_pressure_pa of the stage beside it"
+                fail(path, arc.throttle_bucket, expected)
+            if (i, k) == (len(mission.stages) - 1, len(stage.flight_arcs) - 1):
+                fail(path, arc.throttle_bucket, "no such key in the last burn of the flight")
+            for j, jettison in enumerate(mission.jettisons):
+                if jettison.stage == stage.name and jettison.time_after_ignition_s is not None:
+                    fail(
+                        ("jettisons", j, "time_after_ignition_s"),
+                        jettison.time_after_ignition_s,
+                        f"no such key: stage {stage.name} has a throttle_bucket, whose time is "
+                        "not known",
+                    )
 
 
 def _check_last_stage_stays(mission: "Mission") -> None:

@@ -18,6 +18,7 @@ from ares_models.mission_keys import (
     AreaRadius,
     BallisticCoefficient,
     BodyRadius,
+    BucketThrottle,
     CoefficientTable,
     Curve,
     Delay,
@@ -352,6 +353,7 @@ class Stage(Part):
     attitude: Literal["guided", "held"] = _of_burn("attitude", "guided")
     max_acceleration_m_s2: Acceleration | None = _of_burn("max_acceleration_m_s2", None)
     min_throttle: Fraction | None = _of_burn("min_throttle", None)
+    throttle_bucket: BucketThrottle | None = _of_burn("throttle_bucket", None)
     start: Curve | None = _of_burn("start", None)
     tail_off: Curve | None = _of_burn("tail_off", None)
     engine_out: EngineOut | None = _of_burn("engine_out", None)

@@ -449,6 +449,30 @@ BROKEN = {
         "stages[1].start",
         "expected no such key beside max_acceleration_m_s2",
     ),
+    "throttle bucket in a burn of fixed length": (
+        "burn_time_s: 181.25",
+        "burn_time_s: 181.25\n    throttle_bucket: 0.7",
+        "stages[0].burn_time_s",
+        "is 181.25; expected free, beside throttle_bucket: the optimizer plans the length",
+    ),
+    "throttle bucket without a limit": (
+        "burn_time_s: 181.25",
+        "propellant_kg: 700000\n    burn_time_s: free\n    throttle_bucket: 0.7",
+        "stages[0].throttle_bucket",
+        "is 0.7; expected max_dynamic_pressure_pa of the stage beside it",
+    ),
+    "throttle bucket in the last burn": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    throttle_bucket: 0.7\n    max_dynamic_pressure_pa: 3e4",
+        "stages[1].throttle_bucket",
+        "is 0.7; expected no such key in the last burn of the flight",
+    ),
+    "throttle bucket with a least length": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    throttle_bucket: 0.7\n    min_s: 10",
+        "stages[1].min_s",
+        "is 10.0; expected no such key beside throttle_bucket",
+    ),
     "burn past the propellant": (
         "burn_time_s: 181.25",
         "propellant_kg: 700000\n    burn_time_s: 181.25",

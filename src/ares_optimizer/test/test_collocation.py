@@ -21,9 +21,14 @@ from ares_optimizer.collocation import report, rollout
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.carry import carried_along_coasts, carried_point
 from ares_optimizer.collocation.guess import trials
-from ares_optimizer.collocation.intervals import COAST_TURN, Sweep
-from ares_optimizer.collocation.pilot import TrialFlight
-from ares_optimizer.collocation.points import FoundOptimum, mass_of, times_of
+from ares_optimizer.collocation.intervals import COAST_TURN, Sweep, place_intervals
+from ares_optimizer.collocation.pilot import CONSTANTS, Pilot, TrialFlight
+from ares_optimizer.collocation.points import (
+    FoundOptimum,
+    has_long_intervals,
+    mass_of,
+    times_of,
+)
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.report import verdict_of
@@ -83,6 +88,17 @@ def first_program(name: str, degree: int = 5) -> tuple[CollocationProgram, np.nd
     trial = next(trials(arrays, start, floors))
     program = CollocationProgram(arrays, start, trial.times, floors_on(floors, 0.0, trial), degree)
     return program, guess_of(program, trial)
+
+
+def test_a_longer_coast_than_trial_flights_have_is_fitted() -> None:
+    mission = load_mission("geostationary_transfer")
+    arrays, start = mission.arrays(), start_of(mission)
+    pilot = Pilot(arrays, start, floors_of(arrays, start))
+    times = next(trials(arrays, start, pilot.floors)).times
+    longer = times._replace(lengths=times.lengths + 2e5, cutoff=times.cutoff + 2e5)
+    fitted, _ = pilot.aim(longer, np.zeros(CONSTANTS * pilot.count), coasts=True)
+    assert math.isfinite(fitted.miss)
+    assert fitted.times.lengths.max() < 1e5
 
 
 @pytest.fixture(scope="module")
@@ -611,6 +627,27 @@ def test_a_flight_below_its_floor_is_not_called_optimal(monkeypatch):
     steps = []
     assert auto._last_resort(request, lost, steps).reason == "nothing"
     assert steps == ["indirect: perigee radius in arc 2 1 m; at least 2 m"]
+
+
+def test_intervals_of_a_burn_are_longer_above_the_air() -> None:
+    piece = {"start": 0.0, "end": 400.0, "thrust": 1.0, "thrust_slope": 0.0}
+    ends = 400.0 * place_intervals(piece, 800.0, 100.0, 1.0, None)
+    low, high = np.diff(ends[ends < 101.0]), np.diff(ends[ends > 99.0])
+    assert (low < 26.0).all()
+    assert (high[1:] > 70.0).all()
+    everywhere = 400.0 * place_intervals(piece, 800.0, 400.0, 1.0, None)
+    assert (np.diff(everywhere) < 26.0).all()
+
+
+def test_a_burn_that_has_grown_needs_new_intervals() -> None:
+    program, guess = first_program("delta_iii")
+    last = program.lengths[-1]
+    assert guess[last] > 0.0
+    for factor, long in ((1.0, False), (1.9, False), (2.5, True)):
+        x = guess.copy()
+        x[last] *= factor
+        found = SimpleNamespace(program=program, point=SimpleNamespace(x=x))
+        assert has_long_intervals(found) == long
 
 
 def test_intervals_of_a_coast_are_longer_where_its_orbit_is_slow() -> None:

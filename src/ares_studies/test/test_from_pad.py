@@ -444,6 +444,61 @@ def test_the_budget_of_a_flight_counts_what_the_air_takes(limited):
     assert 20.0 < budget.pressure_m_s < 400.0
 
 
+#: Propellant of the small launcher's first burn, kg.
+BURNT_KG = 152.9 * 8e5 / (312.0 * 9.80665)
+
+
+def with_bucket(most_pa):
+    """Return the small launcher with a throttle bucket and no propellant left over."""
+    text = SMALL.format(thrust=800000.0).replace("36000.0", f"{most_pa}")
+    text = text.replace("propellant_kg: 40000.0", f"propellant_kg: {BURNT_KG}")
+    text = text.replace("burn_time_s: 152.9", "burn_time_s: free\n    throttle_bucket: 0.7")
+    return parse_mission(text, "throttled.yaml")
+
+
+@pytest.fixture(scope="module")
+def throttled():
+    mission = with_bucket(30000.0)
+    return mission, solve(mission, "auto")
+
+
+def test_a_throttle_bucket_is_planned_where_the_pressure_is_high(throttled):
+    mission, plan = throttled
+    names = ("first, vertical rise", "first", "first, throttled", "first, full thrust again")
+    assert mission.arc_names[:4] == names
+    assert plan.converged, plan.reason
+    rise, before, bucket, after = plan.flown[:4]
+    assert rise.end_s == 8.0
+    assert 5.0 < bucket.end_s - bucket.start_s < 20.0
+    stage = mission.arrays().arcs[1:4]
+    assert stage["thrust"].tolist() == pytest.approx([8e5, 0.7 * 8e5, 8e5])
+    lengths = [arc.end_s - arc.start_s for arc in (before, bucket, after)]
+    burnt = float(stage["mass_flow"] @ lengths) + 8.0 * float(stage["mass_flow"][0])
+    assert burnt == pytest.approx(BURNT_KG, abs=1.0)
+    peak = next(check for check in plan.constraints if check.key is Check.DYNAMIC_PRESSURE)
+    assert peak.active
+    assert peak.value <= 30000.0 * 1.001
+
+
+@pytest.mark.parametrize("law", ["peg", "optimal"])
+def test_a_throttle_bucket_is_flown(throttled, law):
+    mission, plan = throttled
+    end = flown(mission, plan, law)
+    assert end["inserted"]
+    assert abs(1.0 - float(end["mass"]) / plan.m_f_kg) < 3e-4
+
+
+def test_a_pressure_that_keeps_its_limit_needs_no_bucket():
+    plan = solve(with_bucket(60000.0), "auto")
+    text = SMALL.format(thrust=800000.0).replace("36000.0", "60000.0")
+    text = text.replace("propellant_kg: 40000.0", f"propellant_kg: {BURNT_KG + 1e-3}")
+    full = solve(parse_mission(text, "full.yaml"), "auto")
+    assert plan.converged
+    assert full.converged
+    assert plan.m_f_kg == pytest.approx(full.m_f_kg, abs=0.05)
+    assert plan.flown[2].end_s - plan.flown[2].start_s < 0.1
+
+
 def test_a_rocket_too_heavy_for_its_pad_is_refused():
     with pytest.raises(MissionError, match="more thrust than weight at lift-off"):
         small(thrust=500000.0)

@@ -149,7 +149,7 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
     for optimum in rest.optima:
         if not any(_are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
-            trial = _flight_of(optimum.found, optimum.met)
+            trial = flight_of(optimum.found, optimum.met)
             joined.append((optimum.found.m_f_kg, _joined(search, begin, trial)))
     return joined
 
@@ -183,11 +183,22 @@ def try_other_plane(search: Search) -> None:
     if abs(math.cos(float(target["inclination"]))) > _EASTWARD * math.hypot(up[0], up[1]):
         return
     met = search.again
-    search.try_start(_in_other_plane(_flight_of(best), start))
+    search.try_start(_in_other_plane(flight_of(best), start))
     search.optima[0].met = max(search.optima[0].met, met)
 
 
-def _flight_of(found: FoundOptimum, met: int = 1) -> TrialFlight:
+def searched(search: Search, arrays: MissionArrays) -> Search:
+    """Search a like mission from a few first guesses; count the iterations."""
+    like = Search(arrays, search.start, search.floors, search.request)
+    for trial in islice(first_guesses(like), _MOST_ASCENTS):
+        if like.is_conclusive or search.request.deadline.passed:
+            break
+        like.try_start(trial)
+    search.iterations += like.iterations
+    return like
+
+
+def flight_of(found: FoundOptimum, met: int = 1) -> TrialFlight:
     """Return a solution as a trial flight, to which ``met`` first guesses led."""
     times = times_of(found.program, found.point.x)
     return TrialFlight(times, track_of(found), 0.0, limited=True, met=met)
@@ -222,15 +233,10 @@ def try_free_node(search: Search) -> None:
     target["named"] &= ~NAMES_ASCENDING_NODE
     if target["kind"] == TARGET_RADIUS_SPEED_ANGLE_PLANE:
         target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-    free = Search(arrays._replace(target=target), start, search.floors, search.request)
-    for trial in islice(first_guesses(free), _MOST_ASCENTS):
-        if free.is_conclusive or search.request.deadline.passed:
-            break
-        free.try_start(trial)
-    search.iterations += free.iterations
+    free = searched(search, arrays._replace(target=target))
     if free.best is None:
         return
-    here = _flight_of(free.best, free.again)
+    here = flight_of(free.best, free.again)
     normal = np.array(named_plane(arrays.target[0]))
 
     def along_normal(trial: TrialFlight) -> float:

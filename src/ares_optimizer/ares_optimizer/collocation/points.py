@@ -42,8 +42,8 @@ _JUNCTION_S = 4.0
 #: Multiplier of a pressure limit, relative to the greatest, from which it acts.
 _ACTING = 1e-2
 _GRID = 4001
-#: Angle of the intervals of a coast, relative to that of new ones, from which they are too long; the
-#: same of the length of a burn, relative to its trial flight and in s.
+#: Angle of the intervals of a coast, relative to that of new ones, from which they are too long;
+#: the same of the length of a burn, relative to its trial flight and in s.
 _LONG = 2.0
 _LONG_S = 10.0
 #: Samples of a coast per state.

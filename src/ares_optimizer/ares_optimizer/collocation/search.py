@@ -53,10 +53,12 @@ LIMITED_MASS = 5e-3
 _SAME_ARCS = 0.02
 _SAME_ARC_S = 1.0
 #: The search ends when so many starts led to the best solution. With a free coast it also needs so
-#: many starts, of which no other solution came from any and so few failed.
+#: many starts, of which no other solution came from any and so few failed. From the pad two
+#: suffice, unless an arc beside several free coasts is shorter than so many s.
 _ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
+_VANISHED_S = 1.0
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
@@ -177,18 +179,18 @@ class Search:
 
         A free coast may have several local optima: all starts are tried, unless the first ones,
         which cover the lengths, led to a single one. From the pad two that agree suffice after the
-        likeliest ones, which go by different parking orbits and coasts.
+        likeliest ones, which go by different parking orbits and coasts; three if an arc beside
+        several free coasts has vanished, since another may be the one to do without.
         """
+        if self.best is None or self.starts < self.least_starts:
+            return False
         in_air = flies_in_air(self.arrays.arcs)
-        if self.again < (_ENOUGH_IN_AIR if in_air else _ENOUGH):
-            return False
-        if self.starts < self.least_starts:
-            return False
-        if in_air:
-            return True
         free = free_arcs(self.arrays, self.start[0])
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
-        if not coasts:
+        whole = len(coasts) <= 1 or float(self.optima[0].lengths.min()) > _VANISHED_S
+        if self.again < (_ENOUGH_IN_AIR if in_air and whole else _ENOUGH):
+            return False
+        if in_air or not coasts:
             return True
         led = sum(optimum.met for optimum in self.optima)
         return (

@@ -13,6 +13,7 @@ from ares_optimizer.collocation.ascents import (
     try_free_node,
     try_other_plane,
 )
+from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.divided_burn import raises_slowly, try_divided_burn
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
@@ -54,6 +55,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
     short: Shortage | None = None
+    try_throttle_bucket(search)
     if slowly := raises_slowly(arrays, start):
         try_divided_burn(search)
     for trial in () if search.is_conclusive else first_guesses(search):
