@@ -67,8 +67,9 @@ _MOST_MOVES = 3
 _GAINED = 1e-7
 #: Iterations from a first guess; longer searches mostly fail or repeat a solution.
 _MOST_FIRST = 100
-#: The same from a flight that reaches the target.
+#: The same from a flight that reaches the target, and from one where the steps have failed.
 _MOST_NEAR = 200
+_MOST_RESUMED = 60
 #: The same from a solution on other intervals, with its multipliers.
 _MOST_WARM = 40
 #: Depth below ground at which an arc without a floor gets one, m.
@@ -334,6 +335,10 @@ class Search:
         if not kept:
             self.limits_met = min(met, self.limits_met)
         program.scale_limits(dict.fromkeys(program.limit_rows, 1.0))
+        if trial.limited and trial.miss == 0.0 and not trial.near:
+            # it consists of solutions
+            near = self._solved_program(program, x, _NEAR, _MOST_RESUMED)
+            point = near if near.solved else point
         return point
 
     def solve_in_steps(
