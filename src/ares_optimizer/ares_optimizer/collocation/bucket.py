@@ -20,12 +20,13 @@ from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.ascents import flight_of, searched
 from ares_optimizer.collocation.pilot import Array
 from ares_optimizer.collocation.search import Search
+from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.plan import free_arcs
 
 #: Share of the limit from which the engine is throttled first.
 _HIGH = 0.75
-#: Factors on the time of high pressure, one after the other until enough starts agree.
-_LONGER = (1.5, 2.5, 4.0)
+#: Shares of the time of high pressure, one after the other until enough starts agree.
+_SHARES = (0.3, 0.6, 1.0, 0.1)
 #: Length of a bucket of no use, s.
 _NO_BUCKET_S = 1e-3
 
@@ -45,26 +46,28 @@ def try_throttle_bucket(search: Search) -> None:
     unlimited.arcs["max_dynamic_pressure"][arrays.arcs["stage"] == arrays.arcs[bucket]["stage"]] = (
         math.inf
     )
-    free = searched(search, _with_lengths(unlimited, bucket, (_NO_BUCKET_S, _NO_BUCKET_S)))
+    without, burns = _with_lengths(unlimited, bucket, (_NO_BUCKET_S, _NO_BUCKET_S))
+    free = searched(search, without)
     if free.best is None:
         return
-    track = flight_of(free.best).track
-    pressure, times = _pressure(arrays, track), track[:, rollout.TIME]
-    begin = float(times[np.argmax(track[:, rollout.ARC] >= bucket - 1)])
+    flight = flight_of(free.best)
+    pressure, clock = _pressure(arrays, flight.track), flight.track[:, rollout.TIME]
+    begin = float(clock[np.argmax(flight.track[:, rollout.ARC] >= bucket - 1)])
     # where the limit is kept without a bucket, an empty one
-    high = times[pressure > _HIGH * limit] if pressure.max() > limit else times[[pressure.argmax()]]
+    high = clock[pressure > _HIGH * limit] if pressure.max() > limit else clock[[pressure.argmax()]]
     at = free_arcs(arrays, start[0]).index(bucket - 1)
-    for longer in _LONGER:
+    for share in _SHARES:
         if search.is_conclusive or search.request.deadline.passed:
             break
-        lengths = (
-            max(float(high[0]) - begin, _NO_BUCKET_S),
-            max(longer * float(np.ptp(high)), _NO_BUCKET_S),
+        placed = float(high[0]) - begin, share * float(np.ptp(high))
+        _, lengths = _with_lengths(arrays, bucket, placed)
+        later = sum(lengths) - sum(burns)
+        times = FreeTimes(
+            np.insert(flight.times.lengths, at, lengths),
+            flight.times.cutoff + later,
+            flight.times.drops + later,
         )
-        for optimum in searched(search, _with_lengths(arrays, bucket, lengths)).optima:
-            flight = flight_of(optimum.found, optimum.met)
-            whole = np.insert(flight.times.lengths, at, lengths)
-            search.try_start(replace(flight, times=flight.times._replace(lengths=whole)))
+        search.try_start(replace(flight, times=times, limited=False))
 
 
 def _bucket_of(arrays: MissionArrays, start: NDArray[np.void]) -> int:
@@ -100,10 +103,27 @@ def _pressure(arrays: MissionArrays, track: Array) -> Array:
 
 
 def _with_lengths(
-    arrays: MissionArrays, bucket: int, lengths: tuple[float, float]
-) -> MissionArrays:
-    """Return the mission with given lengths of the bucket and of the burn before it, s."""
+    arrays: MissionArrays, bucket: int, placed: tuple[float, float]
+) -> tuple[MissionArrays, list[float]]:
+    """Return the mission with a bucket of given place and length, and the lengths, s.
+
+    The burn after it, if it is free, is as long as the propellant lasts: such a mission is like one
+    that is never throttled, whose first guesses suffice.
+
+    Args:
+        arrays: the mission.
+        bucket: index of its arc.
+        placed: lengths of the burn before the bucket and of the bucket, s.
+    """
     arcs = arrays.arcs.copy()
-    for name in ("duration", "shortest", "longest"):
-        arcs[name][bucket - 1 : bucket + 1] = lengths
-    return arrays._replace(arcs=arcs)
+    own = (arcs["stage"] == arcs[bucket]["stage"]) & (arcs["kind"] == BURN)
+    lengths: list[float] = []
+    for k in np.flatnonzero(own & np.isinf(arcs["duration"])):
+        known = own & np.isfinite(arcs["duration"])
+        burnt = float((arcs["mass_flow"][known] * arcs["duration"][known]).sum())
+        most = (float(arcs[k]["propellant"]) - burnt) / float(arcs[k]["mass_flow"])
+        length = min(max(placed[k - bucket + 1], _NO_BUCKET_S), most) if k <= bucket else most
+        lengths.append(length)
+        for name in ("duration", "shortest", "longest"):
+            arcs[name][k] = length
+    return arrays._replace(arcs=arcs), lengths

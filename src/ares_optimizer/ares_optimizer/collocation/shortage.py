@@ -7,6 +7,7 @@ import numpy as np
 
 from ares_models.arrays import COAST
 from ares_optimizer.collocation.ascents import first_guesses
+from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.plan import free_arcs, with_more_propellant
@@ -59,7 +60,8 @@ def short_of_propellant(search: Search) -> Shortage | None:
     more = Search(arrays, search.start, search.floors, search.request)
     free = arcs[free_arcs(arrays, search.start[0])]
     alone = not (free["kind"] == COAST).any()
-    for trial in first_guesses(more):
+    try_throttle_bucket(more)
+    for trial in first_guesses(more) if more.best is None else ():
         if search.request.deadline.passed or (more.best is None and more.starts == _MOST_UNMET):
             break
         if more.best is not None and more.is_conclusive:

@@ -56,9 +56,11 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     search = Search(arrays, start, floors, request)
     short: Shortage | None = None
     try_throttle_bucket(search)
+    # other first guesses do not know where the pressure is high
+    throttled = search.best is not None
     if slowly := raises_slowly(arrays, start):
         try_divided_burn(search)
-    for trial in () if search.is_conclusive else first_guesses(search):
+    for trial in () if throttled or search.is_conclusive else first_guesses(search):
         if request.deadline.passed or search.is_conclusive or (short and short.sure):
             break
         if search.best is not None and request.deadline.share_passed > _SEARCHED:
