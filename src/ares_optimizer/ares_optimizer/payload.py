@@ -45,6 +45,19 @@ class Greatest(NamedTuple):
     left_kg: float = 0.0
 
 
+def check_last_burn(mission: Mission) -> None:
+    """Report a last burn that no propellant can be left of.
+
+    Raises:
+        OptimizerError: it is not free; one line.
+    """
+    if not math.isinf(mission.arrays().arcs[-1]["duration"]):
+        last = mission.stages[-1].name
+        raise OptimizerError(
+            f"the last burn of stage {last} has a fixed length; expected burn_time_s: free"
+        )
+
+
 def _flown(
     mission: Mission, payload: float, above: float, deadline: Callable[[], Deadline]
 ) -> tuple[float, float]:
@@ -94,9 +107,8 @@ def greatest_payload(
     """
     if mission.payload_kg is None:
         raise OptimizerError("payload_kg is missing; expected masses by item to maximize it")
+    check_last_burn(mission)
     arcs = mission.arrays().arcs
-    if not math.isinf(arcs[-1]["duration"]):
-        raise OptimizerError("the last burn has a fixed length; expected a free one")
 
     def deadline() -> Deadline:
         return Deadline(time_limit_s, report)

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.payload import NoFlight, propellant_left
+from ares_optimizer.payload import NoFlight, check_last_burn, propellant_left
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
@@ -88,8 +88,7 @@ def launch_window(
         OptimizerError: launch time or plane do not matter, the last burn is not free, or no flight
             is found at the best time; one line.
     """
-    if not math.isinf(mission.arrays().arcs[-1]["duration"]):
-        raise OptimizerError("the last burn has a fixed length; expected a free one")
+    check_last_burn(mission)
     passage = _passage(mission)
 
     def lacking(later_s: float) -> float:

@@ -36,9 +36,10 @@ from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
+from ares_optimizer.payload import greatest_payload
 from ares_optimizer.proof.physics import air_force, gravity, surface_radius
 from ares_optimizer.request import Heating, Request
-from ares_optimizer.solution import Check, UnfitMethod
+from ares_optimizer.solution import Check, OptimizerError, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.window import launched_later
 from ares_studies.closed_loop import arc_plan, fly_compiled, fly_stepwise, offline_trajectory
@@ -497,6 +498,21 @@ def test_a_pressure_that_keeps_its_limit_needs_no_bucket():
     assert full.converged
     assert plan.m_f_kg == pytest.approx(full.m_f_kg, abs=0.05)
     assert plan.flown[2].end_s - plan.flown[2].start_s < 0.1
+
+
+def test_a_coast_that_begins_in_the_ascent_may_begin_in_the_air():
+    mission = load_mission(MISSIONS / "antares_230_pad.yaml")
+    plan = solve(mission, "auto")
+    assert plan.flyable
+    coast = next(arc for arc in plan.flown if mission.arc_names[arc.arc] == "coast")
+    track = plan.trajectory
+    begin = int(np.searchsorted(track.time_s, coast.start_s - 1e-6))
+    high = np.linalg.norm(track.position[begin]) - 6378137.0
+    assert 60e3 < high < 99e3
+    # it begins at 100 km with 66,716 kg where it must not begin lower
+    assert track.mass[begin] > 68100.0
+    with pytest.raises(OptimizerError, match="burn of stage Castor 30XL has a fixed length; expec"):
+        greatest_payload(mission)
 
 
 def test_a_rocket_too_heavy_for_its_pad_is_refused():
@@ -1085,4 +1101,8 @@ def test_a_search_without_a_flight_tells_the_course_of_the_nearest_guess(monkeyp
     search.try_start(replace(trial, track=above, miss=0.5 * trial.miss))
     assert re.search(
         r"the nearest of these ends with the .* off by .*; .* off by", search.failure().reason
+    )
+    search.try_start(replace(trial, track=above, miss=1e-5))
+    assert search.failure().reason.endswith(
+        "ends at the target, but nothing near it that keeps all limits was found"
     )

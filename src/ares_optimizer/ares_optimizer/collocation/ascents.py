@@ -44,7 +44,7 @@ from ares_optimizer.collocation.pilot import (
     names_plane,
     plane_from_ground,
 )
-from ares_optimizer.collocation.points import FoundOptimum, times_of
+from ares_optimizer.collocation.points import FoundOptimum, lowest_in, times_of
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.collocation.variables import node_times
@@ -63,6 +63,8 @@ _ALIKE = 0.2
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
 _EASTWARD = 1.0 - 1e-7
+#: Distance from a floor up to which a coast begins on it, m.
+_ON_FLOOR_M = 10.0
 
 
 class Beginning(NamedTuple):
@@ -214,6 +216,37 @@ def _in_other_plane(flight: TrialFlight, start: NDArray[np.void]) -> TrialFlight
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
     return replace(flight, track=track)
+
+
+def try_lower_coast(search: Search) -> None:
+    """Solve without the default floor of a coast that begins on it in the ascent.
+
+    A coast that begins lower than that floor, and rises, has none.
+
+    Args:
+        search: with its best solution, if there is any; it may get another.
+    """
+    best = search.best
+    for floor in search.floors if best is not None else ():
+        if best is None or floor.said or not best.program.floor_rows.get(floor.arc):
+            continue
+        if abs(_highest_before(best, floor.arc) - floor.altitude_m) > _ON_FLOOR_M:
+            continue
+        others = tuple(other for other in search.floors if other is not floor)
+        lower = Search(search.arrays, search.start, others, search.request)
+        lower.try_start(flight_of(best, search.again))
+        search.iterations += lower.iterations
+        if lower.best is None:
+            continue
+        begin = _highest_before(lower.best, floor.arc)
+        if lowest_in(lower.best, floor.arc) > begin - _ON_FLOOR_M:
+            search.keep(lower.best, lower.again)
+
+
+def _highest_before(found: FoundOptimum, arc: int) -> float:
+    """Return the greatest altitude of a flight up to the begin of an arc, m."""
+    track = track_of(found)
+    return float(track[track[:, rollout.ARC] < arc, rollout.ALTITUDE].max(initial=-math.inf))
 
 
 def try_free_node(search: Search) -> None:

@@ -3,8 +3,8 @@
 
 When the engine is throttled, and when it is at full thrust again, are lengths of free burns. First
 guesses that do not know the pressure give them any lengths. So the best flight without the limit
-says first where its pressure is high; the best flight with a bucket of that place and length, which
-keeps the limit, is the first guess of the whole mission.
+says first where its pressure is high. With a bucket there it is the first guess of the mission,
+whose limit is then narrowed; the bucket opens as it is needed.
 """
 
 import math
@@ -32,7 +32,7 @@ _NO_BUCKET_S = 1e-3
 
 
 def try_throttle_bucket(search: Search) -> None:
-    """Solve from the best flight with a bucket of given lengths, if the mission has a free one.
+    """Solve from the best flight without the pressure limit, if the mission has a free bucket.
 
     Args:
         search: it may get a solution.

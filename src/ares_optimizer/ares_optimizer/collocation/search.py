@@ -62,6 +62,8 @@ _VANISHED_S = 1.0
 _FAILED = 1
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
+#: Miss of a trial flight that ends at the target.
+_AT_TARGET = 1e-3
 #: Most such moves in a row, and least relative gain of mass to continue.
 _MOST_MOVES = 3
 _GAINED = 1e-7
@@ -337,8 +339,8 @@ class Search:
         program.scale_limits(dict.fromkeys(program.limit_rows, 1.0))
         if trial.limited and trial.miss == 0.0 and not trial.near:
             # it consists of solutions
-            near = self._solved_program(program, x, _NEAR, _MOST_RESUMED)
-            point = near if near.solved else point
+            again = self._solved_program(program, x, _NEAR, _MOST_RESUMED)
+            point = again if again.solved else point
         return point
 
     def solve_in_steps(
@@ -469,6 +471,9 @@ class Search:
                 f" within the limits of dynamic pressure and q alpha; with limits "
                 f"{self.limits_met:.2f} times as high there is one"
             )
+        elif self._nearest.miss < _AT_TARGET:
+            reason += "; the nearest of these ends at the target, but nothing near it that keeps "
+            reason += "all limits was found"
         else:
             reason += f"; the nearest of these {self._course_of(self._nearest.track)}"
         return Cause(Status.STALLED, reason)

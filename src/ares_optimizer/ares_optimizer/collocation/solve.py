@@ -11,6 +11,7 @@ from ares_optimizer.collocation.ascents import (
     first_guesses,
     try_coast_to_apogee,
     try_free_node,
+    try_lower_coast,
     try_other_plane,
 )
 from ares_optimizer.collocation.bucket import try_throttle_bucket
@@ -74,6 +75,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
                 try_free_node(search)
             short = short_of_propellant(search) if search.best is None else None
     try_coast_to_apogee(search)
+    try_lower_coast(search)
     try_other_plane(search)
     if search.best is None and search.starts < _UNMET and beat_kg is None:
         short = short_of_propellant(search)
