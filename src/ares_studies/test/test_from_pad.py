@@ -27,6 +27,7 @@ from ares_models.kernels.aerodynamics import air_at
 from ares_models.kernels.targets import named_plane
 from ares_models.mission import MissionError, load_mission, parse_mission
 from ares_optimizer.collocation.ascents import try_free_node
+from ares_optimizer.collocation.bucket import bucket_of
 from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
 from ares_optimizer.collocation.pilot import Pilot, plane_from_ground
 from ares_optimizer.collocation.points import FoundOptimum, times_of
@@ -479,6 +480,19 @@ def test_a_throttle_bucket_is_planned_where_the_pressure_is_high(throttled):
     peak = next(check for check in plan.constraints if check.key is Check.DYNAMIC_PRESSURE)
     assert peak.active
     assert peak.value <= 30000.0 * 1.001
+
+
+def test_a_bucket_is_looked_for_in_stages_that_are_not_lit_yet():
+    mission = with_bucket(30000.0)
+    arrays, start = mission.arrays(), mission.start().navigation()
+    assert bucket_of(arrays, start) == 2
+    for arc, elapsed, found in ((1, 0.0, 2), (1, 3.0, -1), (2, 0.0, -1)):
+        later = start.copy()
+        later["arc"], later["arc_start_time"], later["time"] = arc, 8.0, 8.0 + elapsed
+        assert bucket_of(arrays, later) == found
+    arcs = arrays.arcs.copy()
+    arcs["max_dynamic_pressure"] = math.inf
+    assert bucket_of(arrays._replace(arcs=arcs), start) == -1
 
 
 @pytest.mark.parametrize("law", ["peg", "optimal"])

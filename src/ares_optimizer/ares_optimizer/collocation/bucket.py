@@ -9,7 +9,6 @@ whose limit is then narrowed; the bucket opens as it is needed.
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,8 @@ from ares_optimizer.plan import free_arcs
 _HIGH = 0.75
 #: Shares of the time of high pressure, one after the other until enough starts agree.
 _SHARES = (0.3, 0.6, 1.0, 0.1)
+#: Number of free burns of a stage with a bucket: before it, the bucket, and perhaps after it.
+_PARTS = (2, 3)
 #: Length of a bucket of no use, s.
 _NO_BUCKET_S = 1e-3
 
@@ -38,7 +39,7 @@ def try_throttle_bucket(search: Search) -> None:
         search: it may get a solution.
     """
     arrays, start = search.arrays, search.start
-    bucket = _bucket_of(arrays, start)
+    bucket = bucket_of(arrays, start)
     if bucket < 0:
         return
     limit = float(arrays.arcs[bucket]["max_dynamic_pressure"])
@@ -70,22 +71,30 @@ def try_throttle_bucket(search: Search) -> None:
         search.try_start(replace(flight, times=times, limited=False))
 
 
-def _bucket_of(arrays: MissionArrays, start: NDArray[np.void]) -> int:
+def bucket_of(arrays: MissionArrays, start: NDArray[np.void]) -> int:
     """Return the arc of a throttle bucket, by index; -1: there is none.
 
     It is a free burn after a free burn of more thrust of the same stage, whose dynamic pressure is
-    limited.
+    limited. The stage has no other free burn, but for one right after it, and is not lit yet.
     """
     arcs = arrays.arcs
-    free = free_arcs(arrays, start[0])
-    for before, k in pairwise(free):
-        one, other = arcs[before], arcs[k]
-        burns = one["kind"] == BURN == other["kind"]
-        if not burns or k != before + 1 or one["stage"] != other["stage"]:
+    lit = bool(start["time"][0] > start["arc_start_time"][0])
+    for stage in np.unique(arcs["stage"][np.isfinite(arcs["max_dynamic_pressure"])]):
+        own = _free_burns(arrays, int(stage))
+        if len(own) not in _PARTS or np.ptp(own) != len(own) - 1 or own[-1] == len(arcs) - 1:
             continue
-        if other["thrust"] < one["thrust"] and math.isfinite(other["max_dynamic_pressure"]):
-            return k
+        before, bucket = own[:2]
+        ahead = before > start["arc"][0] or (before == start["arc"][0] and not lit)
+        if ahead and arcs[bucket]["thrust"] < arcs[before]["thrust"]:
+            return int(bucket)
     return -1
+
+
+def _free_burns(arrays: MissionArrays, stage: int) -> NDArray[np.int64]:
+    """Return the free burns of a stage, by index."""
+    arcs = arrays.arcs
+    free = (arcs["kind"] == BURN) & np.isinf(arcs["duration"]) & (arcs["stage"] == stage)
+    return np.flatnonzero(free)
 
 
 def _pressure(arrays: MissionArrays, track: Array) -> Array:
@@ -118,7 +127,7 @@ def _with_lengths(
     arcs = arrays.arcs.copy()
     own = (arcs["stage"] == arcs[bucket]["stage"]) & (arcs["kind"] == BURN)
     lengths: list[float] = []
-    for k in np.flatnonzero(own & np.isinf(arcs["duration"])):
+    for k in _free_burns(arrays, int(arcs[bucket]["stage"])):
         known = own & np.isfinite(arcs["duration"])
         burnt = float((arcs["mass_flow"][known] * arcs["duration"][known]).sum())
         most = (float(arcs[k]["propellant"]) - burnt) / float(arcs[k]["mass_flow"])
