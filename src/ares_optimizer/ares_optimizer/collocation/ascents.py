@@ -227,8 +227,10 @@ def try_lower_coast(search: Search) -> None:
         search: with its best solution, if there is any; it may get another.
     """
     best = search.best
-    for floor in search.floors if best is not None else ():
-        if best is None or floor.said or not best.program.floor_rows.get(floor.arc):
+    if best is None:
+        return
+    for floor in search.floors:
+        if floor.said or not best.program.floor_rows.get(floor.arc):
             continue
         if abs(_highest_before(best, floor.arc) - floor.altitude_m) > _ON_FLOOR_M:
             continue

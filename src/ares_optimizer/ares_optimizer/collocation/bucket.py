@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, MissionArrays
-from ares_models.kernels.environment import log_density
+from ares_models.kernels.environment import air_velocity, density
+from ares_models.kernels.vectors import dot
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.ascents import flight_of, searched
 from ares_optimizer.collocation.pilot import Array
@@ -98,17 +99,15 @@ def _free_burns(arrays: MissionArrays, stage: int) -> NDArray[np.int64]:
 
 
 def _pressure(arrays: MissionArrays, track: Array) -> Array:
-    """Return the dynamic pressure on a track without wind, Pa, shape (n,)."""
+    """Return the dynamic pressure on a track, Pa, shape (n,)."""
     environment = arrays.environment[0]
-    turning = np.array([0.0, 0.0, float(environment["rotation_rate"])])
-    position = track[:, rollout.POSITION : rollout.VELOCITY]
-    air = track[:, rollout.VELOCITY : rollout.DIRECTION] - np.cross(turning, position)
-    density = [
-        math.exp(log_density(height, arrays.atmosphere)[0])
-        for height in track[:, rollout.ALTITUDE].tolist()
-    ]
-    density_factor = float(environment["density_factor"])
-    return 0.5 * density_factor * np.array(density) * (air * air).sum(axis=1)
+
+    def pressure(row: Array) -> float:
+        r, v = (tuple(row[at : at + 3].tolist()) for at in (rollout.POSITION, rollout.VELOCITY))
+        air = air_velocity(r, v, environment)
+        return 0.5 * float(density(r, environment, arrays.atmosphere)) * float(dot(air, air))
+
+    return np.array([pressure(row) for row in track])
 
 
 def _with_lengths(
