@@ -33,7 +33,7 @@ from ares_optimizer.collocation.pilot import Pilot, plane_from_ground
 from ares_optimizer.collocation.points import FoundOptimum, times_of
 from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.rollout import ALTITUDE
-from ares_optimizer.collocation.search import Search
+from ares_optimizer.collocation.search import LocalOptimum, Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.deadline import Deadline
@@ -1096,6 +1096,19 @@ def test_costs_beside_the_best_launch_time_are_those_of_flights(minutes):
     )
     assert planned > 100.0
     assert spent == pytest.approx(planned, rel=0.02)
+
+
+def test_two_starts_suffice_from_the_pad_unless_an_arc_beside_coasts_has_vanished():
+    mission = load_mission(MISSIONS / "proton_briz_pad.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    request = Request(arrays, start, "collocation", Heating.AT_JETTISON, Deadline(math.inf))
+    search = Search(arrays, start, floors_of(arrays, start), request)
+    assert not search.is_conclusive
+    found = SimpleNamespace(m_f_kg=5000.0)
+    for shortest_s, met, enough in ((300.0, 2, True), (0.5, 2, False), (0.5, 3, True)):
+        lengths = np.array([400.0, 5000.0, shortest_s, 6000.0])
+        search.optima = [LocalOptimum(found, lengths, met)]
+        assert search.is_conclusive == enough
 
 
 def test_a_search_without_a_flight_tells_the_course_of_the_nearest_guess(monkeypatch):
