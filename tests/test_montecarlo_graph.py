@@ -117,3 +117,16 @@ def test_the_commands_that_fly_it_again(files, ros_domain, capfd):
     flown = json.loads(capfd.readouterr().out)
     for key in ("m_f_kg", "t_plf_s", "t_meco_s"):
         assert flown[key] == pytest.approx(alone[key], rel=1e-9), key
+
+
+def test_a_wrong_place_on_the_pad_leaves_the_plan_as_it_is(tmp_path, ros_domain, capfd):
+    path = tmp_path / "low.yaml"
+    low = {"navigation": {"position_bias_m": {"mean": -300.0}}, "thrust": 0.002}
+    path.write_text(yaml.safe_dump(low))
+    mission = load_mission("delta_iii_pad")
+    result = FlightRange(Settings(mission, load_dispersions(str(path), mission))).fly(3, 1).results
+    argv = ["fly", "--mission", "delta_iii_pad", "--dispersions", str(path), "--flight", "3"]
+    main([*argv, "--in-process", "--no-record", "--json", "--domain-id", str(ros_domain)])
+    flown = json.loads(capfd.readouterr().out)
+    assert flown["m_f_kg"] == pytest.approx(result["mass"][0], rel=1e-6)
+    assert flown["planned_m_f_kg"] == pytest.approx(7529.712, abs=0.001)

@@ -112,16 +112,18 @@ class Answers:
         return float(self._values[name])
 
     def request(self, state: NavState) -> SolveTrajectory.Request:
-        """Build the optimizer's request from a navigation state."""
-        self._asked = ns_from_stamp(state.stamp) / NANOSECONDS, float(state.mass)
-        self._start["time"] = self._asked[0]
+        """Build the optimizer's request from a navigation state, or from the surveyed pad."""
+        navigated = np.zeros(1, NAVIGATION)
+        navigated["time"] = ns_from_stamp(state.stamp) / NANOSECONDS
         for name in self._state_message.fields:
-            self._start[name] = getattr(state, name)
+            navigated[name] = getattr(state, name)
+        self._start = self._mission.start_of_plan(navigated)
+        self._asked = float(self._start["time"][0]), float(self._start["mass"][0])
         analytic = not self.law.lacks_plan and self._values["initial_guess"] != "optimizer"
         return SolveTrajectory.Request(
             **self._asks_for,
             method=ANALYTIC if analytic else "",
-            use_nav_state=True,
+            use_nav_state=self._start is navigated,
             nav_state=state,
             time_limit=self.time_limit,
         )

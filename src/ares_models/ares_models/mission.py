@@ -35,6 +35,7 @@ from ares_models.input_file import (
     parse_input,
     read_text,
 )
+from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission_arcs import BurnArc, CoastArc, EngineOut, shortest
 from ares_models.mission_arrays import arc_array, environment_array, jettison_array
 from ares_models.mission_boosters import Booster
@@ -358,6 +359,19 @@ class Mission(Part):
         """Return time, position, velocity and mass at the start of the flight."""
         position, velocity = self.initial_state.state(self.environment.mu_m3_s2, self.earth())
         return Start(self.initial_state.time_s, position, velocity, self.ignition_mass(0))
+
+    def start_of_plan(self, navigated: NDArray[np.void]) -> NDArray[np.void]:
+        """Return the state from which to plan: at rest on the ground the surveyed one.
+
+        There an error of the navigation could begin the flight below the ground.
+
+        Args:
+            navigated: navigation state, shape (1,), dtype NAVIGATION.
+        """
+        start = self.start()
+        if self.initial_state.AT_REST and navigated["time"][0] <= start.time_s + SAME_TIME:
+            return start.navigation()
+        return navigated
 
     def atmosphere(self) -> Atmosphere:
         """Build the atmosphere, without the density factor.

@@ -159,6 +159,7 @@ def ready_law(
             solution for the plan.
     """
     arrays = mission.arrays(foreseen=True)
+    state = None if state is None else mission.start_of_plan(state)
     law = make_law(name, arrays, settings, mission.start().navigation())
     if guess is None and law.kind.needs_trajectory:
         from ares_optimizer.solve import solve

@@ -7,6 +7,7 @@ import re
 import pytest
 
 from ares_models.mission import load_mission
+from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo import reach as module
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reach, reaches
@@ -40,6 +41,15 @@ def test_a_flight_through_wind_is_asked_about_too():
     flown = FlightRange(pad).fly(3, 1).results[0]
     assert flown["terminal_accuracy"]
     assert 0.995 * good.m_f_kg < flown["mass"] < good.m_f_kg
+
+
+def test_a_pad_is_where_it_is_whatever_navigation_says():
+    mission = load_mission("delta_iii_pad")
+    drawn = Dispersions(navigation={"position_bias_m": {"mean": -300.0}})
+    found = reach(Settings(mission, drawn), 0)
+    assert found.m_f_kg == pytest.approx(7529.712, abs=0.001)
+    flight = fly_compiled(mission, dispersions=drawn)
+    assert flight.plant["mass"] > 0.99 * found.m_f_kg
 
 
 def test_each_flight_is_drawn_as_the_campaign_drew_it():

@@ -60,18 +60,21 @@ def reach(settings: Settings, flight: int) -> Reach:
         mission, settings.options, settings.dispersions, settings.seed, flight
     )
     true.environment["wind"]["gust_length"] = 0.0
+    state = vehicle.navigation.copy()
+    for name in ("position", "velocity", "mass"):
+        state[name] = vehicle.plant[name]
     try:
         optimum = solve(
             true,
             "collocation" if flies_in_air(true.arcs) else "indirect",
-            state=vehicle.navigation,
+            state=state,
             heating=mission.heating_limit_holds,
             time_limit_s=TIME_LIMIT,
         )
     except OptimizerError as error:
         # what was drawn is no state to begin with, such as one below the ground
         return Reach(None, math.nan, str(error))
-    if optimum.converged:
+    if optimum.flyable:
         return Reach(True, optimum.m_f_kg, "")
     within = False if optimum.status is Status.INFEASIBLE else None
     return Reach(within, math.nan, optimum.reason)
