@@ -529,6 +529,16 @@ def test_a_coast_that_begins_in_the_ascent_may_begin_in_the_air():
         greatest_payload(mission)
 
 
+def test_solids_with_a_free_coast_between_them():
+    mission = load_mission(MISSIONS / "vega_sso_pad.yaml")
+    plan = solve(mission, "auto")
+    assert plan.converged
+    assert plan.m_f_kg == pytest.approx(1818.571, abs=0.01)
+    # the solids have energy to spare: the fairing is no ballast
+    ignition = next(arc.start_s for arc in plan.flown if mission.arc_names[arc.arc] == "Zefiro 9")
+    assert plan.jettison_times_s[0] < ignition + 0.1
+
+
 def test_a_rocket_too_heavy_for_its_pad_is_refused():
     with pytest.raises(MissionError, match="more thrust than weight at lift-off"):
         small(thrust=500000.0)

@@ -26,7 +26,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.floors import floors_of
-from ares_models.kernels.environment import altitude
+from ares_models.kernels.environment import altitude, heating_rate
 from ares_models.kernels.judging import judged_by
 from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
@@ -63,6 +63,8 @@ _ALIKE = 0.2
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
 _EASTWARD = 1.0 - 1e-7
+#: Heating that counts as none, W/m2.
+_NO_HEATING_W_M2 = 1e-30
 #: Distance from a floor up to which a coast begins on it, m.
 _ON_FLOOR_M = 10.0
 
@@ -148,10 +150,13 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
     search.iterations += rest.iterations
     joined: list[tuple[float, TrialFlight]] = []
     kept: list[Array] = []
+    alone = ascent.program.arrays
+    coasts = any(alone.arcs[k]["kind"] == COAST for k in free_arcs(alone, search.start[0]))
     for optimum in rest.optima:
         if not any(_are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
-            trial = flight_of(optimum.found, optimum.met)
+            # rests that agree say nothing of a coast in the ascent
+            trial = flight_of(optimum.found, 1 if coasts else optimum.met)
             joined.append((optimum.found.m_f_kg, _joined(search, begin, trial)))
     return joined
 
@@ -318,8 +323,34 @@ def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
         part.try_start(trial)
         if part.best is not None or search.request.deadline.passed:
             break
+    if part.best is not None:
+        _drop_at_once(part)
     search.iterations += part.iterations
     return part.best
+
+
+def _drop_at_once(ascent: Search) -> None:
+    """Solve an ascent with energy to spare with drops as early as its heating allows.
+
+    What drops serves as ballast in it, and is in the way of what follows.
+
+    Args:
+        ascent: with its best solution.
+    """
+    flight, pilot = flight_of(ascent.optima[0].found), Pilot(ascent.arrays, ascent.start, ())
+    if not len(flight.times.drops) or not pilot.has_needless_burn(flight.times):
+        return
+    environment, atmosphere = ascent.arrays.environment[0], ascent.arrays.atmosphere
+    for row in flight.track:
+        r, v = (tuple(row[at : at + 3].tolist()) for at in (rollout.POSITION, rollout.VELOCITY))
+        rate = heating_rate(r, v, environment, atmosphere)
+        row[rollout.LOG_HEATING] = math.log(max(rate, _NO_HEATING_W_M2))
+    early = replace(flight, times=pilot.with_drops(flight.times, flight.track))
+    other = Search(ascent.arrays, ascent.start, ascent.floors, ascent.request)
+    other.try_start(early)
+    ascent.iterations += other.iterations
+    if other.best is not None:
+        ascent.optima = other.optima
 
 
 def _beginning(start: NDArray[np.void], found: FoundOptimum, arc: int) -> Beginning | None:

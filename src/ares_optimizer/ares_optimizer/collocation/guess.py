@@ -98,9 +98,7 @@ _HIGH_UP = 1.5
 #: Cosine of the angle of a named plane to the pad up to which an ascent turns into it rather than
 #: into the nearest plane over the pad.
 _NEAR_PLANE = math.cos(math.radians(8.0))
-#: Groups of a flight with one burn after its ascent; perigees above and below a parking orbit at
-#: which a circle is flown, m.
-_TWO = 2
+#: Perigees above and below a parking orbit at which a circle is flown, m.
 _LOW_M = 3e5
 _LOWER_M = 5e4
 
@@ -133,7 +131,9 @@ def trials(
         vary_coasts: fit the lengths of the coasts too, from those of the choice.
     """
     pilot = Pilot(arrays, start, floors)
-    coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
+    parking = _ascent_alone(pilot, pilot.apogee_m)
+    known = {} if parking is None else parking[1]
+    coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST and k not in known]
     if not coasts:
         pilots = [pilot]
         if pilot.plane is not None and _has_limits(arrays):
@@ -144,7 +144,7 @@ def trials(
     likely: list[_Begin] = []
     yielded: list[FreeTimes] = []
     eccentric = vary_coasts and pilot.eccentricity > ROUND
-    for begins, parts in _choices(pilot, coasts, eccentric):
+    for begins, parts in _choices(pilot, parking, coasts, eccentric):
         found = []
         for begin in likely if len(begins) > _LIKELY and likely else begins:
             constants, known = begin
@@ -213,10 +213,16 @@ _Begin = tuple[Array, dict[int, float]]
 
 
 def _choices(
-    pilot: Pilot, coasts: list[int], apogee_first: bool
+    pilot: Pilot, parking: _Begin | None, coasts: list[int], apogee_first: bool
 ) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
-    """Yield initial steering, with lengths of the free coasts as fractions of a revolution."""
-    parking = _ascent_alone(pilot, pilot.apogee_m)
+    """Yield initial steering, with lengths of free coasts as fractions of a revolution.
+
+    Args:
+        pilot: of the mission.
+        parking: its ascent to a parking orbit; None: there is none.
+        coasts: the free coasts, without those in that ascent.
+        apogee_first: the coast to the apogee is the likeliest.
+    """
     ascents = [parking] if parking is not None else list(_start_constants(pilot))
     longest = pilot.longest(coasts[0]) / pilot.period
     firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]
@@ -225,6 +231,10 @@ def _choices(
     if int(judged_by(pilot.arrays.target[0])) & NAMES_ARGUMENT_OF_PERIGEE:
         firsts.insert(0, _TO_PERIGEE)
     later = len(coasts) - 1
+    first = int(pilot.start["arc"][0])
+    if first in pilot.free and _is_on_transfer(pilot):
+        # the burn before the coast is not needed
+        yield [(np.zeros(CONSTANTS * pilot.count), {first: 0.0})], (_TO_APOGEE,) * len(coasts)
     # several burns at perigee raise the apogee
     in_orbit = not pilot.ascends and pilot.arrays.arcs[pilot.start["arc"][0]]["kind"] == BURN
     first = _REVOLUTION if in_orbit else firsts[0]
@@ -251,6 +261,17 @@ def _choices(
         yield ascents, (part, *([_TO_APOGEE] * later))
         if later:
             yield ascents, (part, *([_SOON] * later))
+
+
+def _is_on_transfer(pilot: Pilot) -> bool:
+    """Return true if a flight begins on an ellipse to the target's apogee."""
+    mu = float(pilot.arrays.environment[0]["mu"])
+    r, v = pilot.start["position"][0], pilot.start["velocity"][0]
+    energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+    if energy >= 0.0 or pilot.eccentricity < ROUND:
+        return False
+    highest = -0.5 * mu / energy * (1.0 + pilot.eccentricity)
+    return highest > _APOGEE * _target_apogee(pilot.arrays)
 
 
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
@@ -287,11 +308,10 @@ def _turn_constants(pilot: Pilot, angle: float) -> Array:
 
 
 def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
-    """Yield the missions of the first group alone, to orbits from which the target is reached.
+    """Yield the missions of an ascent alone, to orbits from which the target is reached.
 
     They are a circle and the ellipse from its radius to the target's apogee. If one burn alone
-    follows the ascent, the circle is at the target's perigee, and only if that is low. Nothing is
-    yielded unless a free burn ends the group and another group follows.
+    follows the ascent, the circle is at the target's perigee, and only if that is low.
 
     Args:
         pilot: of the whole mission.
@@ -300,32 +320,36 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
     lowest = max((f.perigee_m for f in pilot.floors if f.perigee_m > 0.0), default=0.0)
     parking = max(pilot.parking_m, lowest)
     ways = [(parking, pilot.apogee_m), (parking, apogee)]
-    if pilot.count == _TWO and pilot.apogee_m == parking:
+    last = _end_of_ascent(pilot)
+    if last is None:
+        return
+    following = pilot.count - 1 - pilot.groups[last]
+    if following == 1 and pilot.apogee_m == parking:
         low = max(parking - _LOWER_M, lowest) <= perigee < parking + _LOW_M
         ways = [(perigee, perigee)] * low + [(parking, apogee)] * (apogee > perigee or not low)
         if apogee < _HIGH_UP * parking:
             ways.reverse()
     for radius, highest in dict.fromkeys(ways):
-        alone = _first_group(pilot, radius, highest)
-        if alone is not None:
-            yield alone
+        yield _ascent_to(pilot, last, radius, highest)
 
 
-def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | None:
-    """Return the mission of the first group alone, to the perigee of an orbit.
+def _end_of_ascent(pilot: Pilot) -> int | None:
+    """Return the first free burn that ends a group; None: no ascent begins, or no group follows."""
+    burns = np.flatnonzero(pilot.arrays.arcs["kind"] == BURN)
+    lasts = [int(burns[pilot.groups[burns] == group][-1]) for group in range(pilot.count - 1)]
+    return next((k for k in lasts if k in pilot.free), None) if pilot.ascends else None
+
+
+def _ascent_to(pilot: Pilot, last: int, radius: float, apogee: float) -> MissionArrays:
+    """Return the mission of an ascent alone, to the perigee of an orbit.
 
     Args:
         pilot: of the whole mission.
+        last: the last arc of the ascent.
         radius: of the perigee, m.
         apogee: radius, m; inf: with the energy of the target.
     """
     arrays, start = pilot.arrays, pilot.start
-    arcs = arrays.arcs
-    first = int(start["arc"][0])
-    members = [k for k in range(first, len(arcs)) if pilot.groups[k] == 0]
-    last = max(k for k in members if arcs[k]["kind"] == BURN)
-    if pilot.count == 1 or not pilot.ascends or not math.isinf(arcs[last]["duration"]):
-        return None
     mu = float(arrays.environment[0]["mu"])
     r, v = start["position"][0], start["velocity"][0]
     h = np.cross(r, v)
@@ -343,11 +367,11 @@ def _first_group(pilot: Pilot, radius: float, apogee: float) -> MissionArrays | 
         target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
         target["ascending_node"] = math.atan2(plane[0], -plane[1])
     target["inclination"] = math.acos(float(plane[2]))
-    return arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
+    return arrays._replace(arcs=arrays.arcs[: last + 1].copy(), target=target)
 
 
 def without_speed(alone: MissionArrays) -> MissionArrays:
-    """Return the mission of a first group with free speed at its end."""
+    """Return the mission of an ascent with free speed at its end."""
     target = alone.target.copy()
     target["named"] = int(judged_by(target[0])) & ~NAMES_SPEED
     target["kind"] = TARGET_ELEMENTS
@@ -355,16 +379,16 @@ def without_speed(alone: MissionArrays) -> MissionArrays:
 
 
 def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
-    """Fit the first group to a low orbit, if a free burn ends it and a group follows.
+    """Fit an ascent to a low orbit; return None where there is none.
 
     Args:
         pilot: of the mission.
         apogee: apogee radius of that orbit, m; inf: with the energy of the target.
     """
-    alone, start = _first_group(pilot, pilot.parking_m, apogee), pilot.start
-    if alone is None:
+    start, last = pilot.start, _end_of_ascent(pilot)
+    if last is None:
         return None
-    last = len(alone.arcs) - 1
+    alone = _ascent_to(pilot, last, pilot.parking_m, apogee)
     best = _aimed(alone, start)
     needless = _NEEDLESS * pilot.longest(last)
     if best is not None and best[0].times.cutoff < needless + _last_begin(alone, start, best[0]):

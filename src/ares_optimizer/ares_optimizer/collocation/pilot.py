@@ -61,6 +61,8 @@ _LOW_M = 2e4
 _SLOW_M_S = 300.0
 #: Time between a first guess of a drop and any other event, s.
 _OFF_EVENTS_S = 0.5
+#: Length of a burn, relative to the longest, below which it is not needed.
+_NEEDLESS = 1e-4
 #: Depth below the ground of a track that meets it, m.
 _DEEP_M = 1e3
 
@@ -278,6 +280,15 @@ class Pilot:
             at = int(np.argmax(allowed)) if allowed.any() else len(track) - 1
             drops.append(float(track[at, rollout.TIME]))
         return times._replace(drops=self.inside(times, np.array(drops)))
+
+    def has_needless_burn(self, times: FreeTimes) -> bool:
+        """Return true if a free burn nearly vanishes: the others have energy to spare."""
+        last = len(self.arrays.arcs) - 1
+        lengths = dict(zip(self.free, times.lengths, strict=True))
+        if math.isinf(self.arrays.arcs[last]["duration"]):
+            lengths[last] = times.cutoff - float(self.begins(times.lengths, 0.0)[-1])
+        burns = [k for k in lengths if self.arrays.arcs[k]["kind"] == BURN]
+        return any(lengths[k] < _NEEDLESS * self.longest(k) for k in burns)
 
     def inside(self, times: FreeTimes, drops: Array) -> Array:
         """Move drops a little off all other events, and before the cut-off.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import qr
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, lil_array
 
 from ares_models.arrays import BURN
 from ares_models.kernels.aerodynamics import mach_number
@@ -33,6 +33,10 @@ _BINDING = 1e-8
 #: thrust by 1 rad, evenly over the flight, that then holds it steady.
 _IDLE = 1e-6
 _TURNING = 1e-6
+#: Least step between points that counts for it, relative to the flight, and cost of a drop after
+#: one unit of time.
+_LEAST_STEP = 1e-2
+_LATE = 1e-6
 #: Mach number beyond which the drag coefficient is steady, change of it that counts as 1 rad of a
 #: turn, turn for each end of an active limit, rad, its duration, s, and samples of it all.
 _FASTEST_MACH = 4.0
@@ -127,16 +131,17 @@ def is_idle(found: FoundOptimum) -> bool:
     return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
 
 
-def penalize_turning(program: CollocationProgram) -> None:
-    """Add a cost of the turning of the thrust, where the mass does not depend on it.
+def penalize_waste(program: CollocationProgram) -> None:
+    """Add a cost of the turning of the thrust and of late drops, where no mass depends on them.
 
-    Directions that waste the same are one as good as the other, jumps to and fro too. The cost is
-    the integral of the squared rate over the thrust, with the lengths of the trial flight.
+    Directions that waste the same are one as good as the other, jumps to and fro too, and a fairing
+    may serve as ballast. The first cost is the integral of the squared rate over the thrust, with
+    the lengths of the trial flight; the second the square of the time of each drop.
     """
     guided = program.points[program.steering[program.points["phase"]] == GUIDED]
     pieces = program.segments[guided["phase"]]
     times = pieces["start"] + guided["fraction"] * (pieces["end"] - pieces["start"])
-    steps = np.maximum(np.diff(times), SAME_LENGTH) / (times[-1] - times[0])
+    steps = np.maximum(np.diff(times) / (times[-1] - times[0]), _LEAST_STEP)
     columns = guided["control"][:, None] + np.arange(3)
     scales = np.repeat(np.sqrt(_TURNING / steps), 3)
     turns = csr_array(
@@ -149,7 +154,10 @@ def penalize_turning(program: CollocationProgram) -> None:
         ),
         shape=(len(scales), program.size),
     )
-    program.add_cost(turns.T @ turns)
+    late = lil_array((len(program.drop_ends), program.size))
+    for row, p in enumerate(program.drop_ends.values()):
+        late[row, program.lengths[: p + 1]] = math.sqrt(_LATE)
+    program.add_cost(turns.T @ turns + csr_array(late).T @ csr_array(late))
 
 
 def turning_of(found: FoundOptimum) -> Turning | None:

@@ -15,7 +15,7 @@ from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.intervals import Sweep, sweep_of
-from ares_optimizer.collocation.pilot import TrialFlight, names_plane
+from ares_optimizer.collocation.pilot import Pilot, TrialFlight, names_plane
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -23,7 +23,7 @@ from ares_optimizer.collocation.points import (
     has_long_intervals,
     lowest_in,
     mass_of,
-    penalize_turning,
+    penalize_waste,
     sweep_of_found,
     times_of,
     turning_of,
@@ -285,6 +285,10 @@ class Search:
             self._unproven = True
             return None
         point = self._first_point(program, trial)
+        in_air = bool(program.phases["in_air"].any())
+        pilot = Pilot(self.arrays, self.start, floors)
+        if not point.solved and in_air and pilot.has_needless_burn(trial.times):
+            point = self._first_without_waste(program, trial)
         if not point.solved:
             if point.status == LOCALLY_INFEASIBLE:
                 self._violations.append((point.violation, worst_row(program, point)))
@@ -342,6 +346,20 @@ class Search:
             again = self._solved_program(program, x, _NEAR, _MOST_RESUMED)
             point = again if again.solved else point
         return point
+
+    def _first_without_waste(
+        self, program: CollocationProgram, trial: TrialFlight
+    ) -> StoppingPoint:
+        """Solve a program from a first guess by way of its solution with a cost of waste.
+
+        The burns of fixed length have energy to spare, and many directions waste the same.
+        """
+        penalize_waste(program)
+        self._allow_iterations()
+        steady = self._first_point(program, trial)
+        program.drop_cost()
+        point = self.solve_in_steps(program, steady.x, CORNER) if steady.solved else steady
+        return point if point.solved else steady
 
     def solve_in_steps(
         self,
@@ -550,7 +568,7 @@ def refined(
     warm = None if search.idle else carried_point(program, found.program, found.point)
     guess = carried_variables(program, found.program, found.point.x)
     if search.idle:
-        penalize_turning(program)
+        penalize_waste(program)
     known: FoundOptimum | None = None
     limited = bool(acting_limits(found))
     same = LIMITED_MASS if limited else SAME_MASS

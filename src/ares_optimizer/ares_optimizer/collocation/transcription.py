@@ -567,6 +567,11 @@ class CollocationProgram:
         rows, columns = self.hessian_pattern
         self.hessian_pattern = (np.append(rows, lower.row), np.append(columns, lower.col))
 
+    def drop_cost(self) -> None:
+        """Remove the added cost from the objective."""
+        self.added_cost = 0.0 * self.added_cost
+        self._added_curvature = 0.0 * self._added_curvature
+
     def objective(self, x: Array) -> float:
         """Return the negative mass at the end of the saving stage, plus the added cost."""
         return 0.5 * float(x @ np.asarray(self.added_cost @ x)) - float(x[self.ends[self.saving]])
