@@ -539,6 +539,17 @@ def test_solids_with_a_free_coast_between_them():
     assert plan.jettison_times_s[0] < ignition + 0.1
 
 
+def test_the_attitude_is_steady_where_the_thrust_tails_off():
+    last = "isp_s: 345.0, burn_time_s: free"
+    tails = ", tail_off: [[0.0, 1.0], [0.0, 0.2], [0.6, 0.0]]"
+    text = SMALL.format(thrust=800000.0).replace(last, last + tails)
+    text = text.replace("[8.0, 0.25]]", "[8.0, 0.25]]" + LIFT)
+    plan = solve(parse_mission(text, "tail.yaml"), "auto")
+    assert plan.converged
+    assert plan.arcs[-1].end_s - plan.arcs[-1].start_s == pytest.approx(0.6)
+    assert np.linalg.norm(plan.arcs[-1].direction_rate) < math.radians(1.0)
+
+
 def test_a_rocket_too_heavy_for_its_pad_is_refused():
     with pytest.raises(MissionError, match="more thrust than weight at lift-off"):
         small(thrust=500000.0)

@@ -25,6 +25,8 @@ from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.solution import Costates
 
 Array = NDArray[np.float64]
+#: Force, relative to the thrust of a burn, at which the direction of the thrust is not settled.
+_LITTLE = 1e-3
 
 
 class Adjoint(NamedTuple):
@@ -82,7 +84,8 @@ def _terms(
         fraction: of the phase that has passed.
         point: solution of the program.
         sample: state, m and m/s, its costate, and the thrust direction of the solution. The thrust
-            of a guided phase is along the primer, where the angle of attack changes nothing else.
+            of a guided phase is along the primer, where the angle of attack changes nothing else,
+            or where there is next to no force.
     """
     phase = program.phases[p]
     state, costate, u = sample
@@ -90,29 +93,34 @@ def _terms(
     mass = float(point.x[program.masses[p]])
     length = float(point.x[program.lengths[p]])
     left = mass_after(phase, fraction, length, mass)[0] * program.mass
-    force = np.zeros(3)
-    flow = 0.0
+    thrust = flow = 0.0
     arc = program.arrays.arcs[phase["arc"]]
     surroundings = program.arrays.environment[0], program.arrays.atmosphere
     r, v = tuple(state[:3].tolist()), tuple(state[3:].tolist())
-    angled = phase["in_air"] and (has_attitude(arc) or math.isfinite(arc["max_q_alpha"]))
-    if phase["steering"] == VERTICAL:
-        u = np.array(local_vertical(r, surroundings[0]))
-    elif phase["steering"] == GUIDED and not angled:
-        size = float(np.linalg.norm(primer))
-        u = primer / size if size > 0.0 else u
-    if phase["in_air"]:
-        force = np.array(body_force(arc, r, v, tuple(u.tolist()), *surroundings))
     if phase["steering"] != COASTING:
         terms = acceleration_terms(phase, fraction, length, mass)
-        a = terms[0] * program.speed / program.time
-        thrust = a * left
+        thrust = terms[0] * program.speed / program.time * left
         if phase["in_air"]:
             lost = pressure_loss(arc, r, *surroundings)
             thrust, _ = net_thrust(thrust, lost, float(arc["thrust"]))
-        force = force + thrust * u
         s = (fraction - float(phase["from_end"])) * length
         flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time
+
+    def drag(along: Array) -> Array:
+        if not phase["in_air"]:
+            return np.zeros(3)
+        return np.array(body_force(arc, r, v, tuple(along.tolist()), *surroundings))
+
+    if phase["steering"] == VERTICAL:
+        u = np.array(local_vertical(r, surroundings[0]))
+    force = drag(u)
+    angled = phase["in_air"] and (has_attitude(arc) or math.isfinite(arc["max_q_alpha"]))
+    pushed = thrust + float(np.linalg.norm(force)) > _LITTLE * float(arc["thrust"])
+    size = float(np.linalg.norm(primer))
+    if phase["steering"] == GUIDED and size > 0.0 and not (angled and pushed):
+        u = primer / size
+        force = drag(u)
+    force = force + thrust * u if phase["steering"] != COASTING else force
     return _Terms(force / left, u, flow, float(primer @ force) / left**2)
 
 
