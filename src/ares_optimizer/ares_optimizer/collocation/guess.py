@@ -231,13 +231,13 @@ def _choices(
     if int(judged_by(pilot.arrays.target[0])) & NAMES_ARGUMENT_OF_PERIGEE:
         firsts.insert(0, _TO_PERIGEE)
     later = len(coasts) - 1
-    first = int(pilot.start["arc"][0])
-    if first in pilot.free and _is_on_transfer(pilot):
-        # the burn before the coast is not needed
-        yield [(np.zeros(CONSTANTS * pilot.count), {first: 0.0})], (_TO_APOGEE,) * len(coasts)
+    arc = int(pilot.start["arc"][0])
+    burns = bool(pilot.arrays.arcs[arc]["kind"] == BURN)
+    if burns and arc in pilot.free and _is_on_transfer(pilot):
+        # this burn is not needed
+        yield [(np.zeros(CONSTANTS * pilot.count), {arc: 0.0})], (_TO_APOGEE,) * len(coasts)
     # several burns at perigee raise the apogee
-    in_orbit = not pilot.ascends and pilot.arrays.arcs[pilot.start["arc"][0]]["kind"] == BURN
-    first = _REVOLUTION if in_orbit else firsts[0]
+    first = _REVOLUTION if burns and not pilot.ascends else firsts[0]
     if later and _target_perigee(pilot.arrays) < pilot.parking_m + _LOW_M:
         yield ascents, (first, *([_REVOLUTION] * later))
     elif later > 1:
