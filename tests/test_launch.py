@@ -219,8 +219,8 @@ def test_a_mission_without_a_plan_starts_nothing(description, capsys, tmp_path):
     weak.write_text(text.replace("thrust_n: 981000.0", "thrust_n: 98100.0"))
     assert actions(description, mission=str(weak)) == []
     said = capsys.readouterr().err
-    assert said.startswith("ares: law peg flies by a plan of what is free, ")
-    assert "and there is none: " in said
+    assert said.startswith("ares: no plan was found: ")
+    assert "law peg needs one for what the mission leaves free, " in said
 
 
 def test_a_flight_has_a_domain_of_its_own(description, monkeypatch):

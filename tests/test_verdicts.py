@@ -251,9 +251,9 @@ CAUSES = {
     "no plan": Cause(
         2,
         (
-            "law peg flies by a plan of what is free, arc 0 (",
-            "and there is none: ",
-            "`ares optimize --method`",
+            "no plan was found: ",
+            "law peg needs one for what the mission leaves free, arc 0 (",
+            "another method of `ares optimize`",
         ),
         mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
         bag=False,
@@ -261,7 +261,7 @@ CAUSES = {
     ),
     "no plan for a paced flight": Cause(
         2,
-        ("law optimal flies by a plan of what is free, arc 0 (",),
+        ("law optimal needs one for what the mission leaves free, arc 0 (",),
         {"guidance": "optimal", "pace": "1"},
         mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
         ways=PROCESSES,

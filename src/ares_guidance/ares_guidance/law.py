@@ -141,10 +141,11 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
             f"law is {law!r}, which finds no steering from the start of the mission to its target "
             f"without a plan, and there is none: {reason}"
         )
+    bounds = "other bounds (min_s, max_s), " * leaves_arcs_free(arrays.arcs)
     return (
-        f"law {law} flies by a plan of what is free, {name_what_is_free(arrays)}, and there is "
-        f"none: {reason}; `ares optimize --method`, other bounds (min_s, max_s) or less "
-        "payload may find one"
+        f"no plan was found: {reason}; law {law} needs one for what the mission leaves free, "
+        f"{name_what_is_free(arrays)}; {bounds}less payload or another method of `ares optimize` "
+        "may give one"
     )
 
 

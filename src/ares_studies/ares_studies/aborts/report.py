@@ -270,7 +270,8 @@ def _headline(made: AbortMap) -> PageTable:
     )
     if made.wrong:
         finding += (
-            f" {len(made.wrong):,} points failed: the flight did better than the optimizer found."
+            f" {len(made.wrong):,} points failed: the flight did better than an optimizer found, "
+            "or the optimizer told then better than the one that knew."
         )
     return PageTable(columns, tuple(rows), finding)
 
