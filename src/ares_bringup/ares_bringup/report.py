@@ -129,12 +129,11 @@ def event_table(summary: FlightSummary) -> Table:
 
 def _beside_plan(summary: FlightSummary) -> str:
     """Return the planned mass and the loss to it, to be appended to the flown mass."""
-    flown, planned = summary.m_f_kg, summary.planned_m_f_kg
-    if flown is None or planned is None:
+    if summary.beside_plan is None:
         return ""
-    loss = 100.0 * (planned - flown) / planned
+    loss = 100.0 * (1.0 - summary.beside_plan)
     side = "below" if loss >= 0.0 else "above"
-    return f", {abs(loss):.3f} % {side} the plan's {number(planned, 2)} kg"
+    return f", {abs(loss):.3f} % {side} the plan's {number(summary.planned_m_f_kg, 2)} kg"
 
 
 def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:

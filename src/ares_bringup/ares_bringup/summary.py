@@ -34,6 +34,7 @@ from ares_vehicle_sim.arrays import (
     GUIDANCE_LOST,
     IMPACT,
     JETTISON_DONE,
+    JETTISON_STUCK,
     OVER_LIMIT,
     TIME_LIMIT,
 )
@@ -268,6 +269,21 @@ class FlightSummary:
         if self.first(CUTOFF) is None:
             return Outcome.DEPLETION
         return Outcome.TARGET_MISSED if self.misses() else Outcome.TARGET
+
+    @property
+    def beside_plan(self) -> float | None:
+        """Return the final mass over the planned one.
+
+        None without both, where the flight did not end by its cut-off, and where a failure kept
+        it from the target: such an end weighs what it did not burn.
+        """
+        if self.m_f_kg is None or self.planned_m_f_kg is None:
+            return None
+        failed = self.first(FAILED) or self.first(JETTISON_STUCK)
+        comparable = self.outcome is Outcome.TARGET or (
+            self.outcome is Outcome.TARGET_MISSED and not failed
+        )
+        return self.m_f_kg / self.planned_m_f_kg if comparable else None
 
     def misses(self) -> list[str]:
         """Describe the quantities beyond their tolerance, one text each."""

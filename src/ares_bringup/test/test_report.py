@@ -11,6 +11,14 @@ from ares_bringup.observed import Diagnostic
 from ares_bringup.report import console, number, print_summary, shown_path
 from ares_bringup.summary import FlightSummary
 from ares_trials.testing.flights import flown, good_flight, made_up_event, made_up_status
+from ares_vehicle_sim.arrays import (
+    CUTOFF,
+    DEPLETION,
+    FAILED,
+    FLIGHT_COMPLETE,
+    IMPACT,
+    JETTISON_STUCK,
+)
 
 
 def printed(summary):
@@ -35,6 +43,26 @@ def test_a_good_flight_in_80_columns(facts):
     # another law that had no solution of its own
     summary.guidance = "igm"
     assert re.search(r"flown by peg +1 cycles", printed(summary))
+
+
+def test_only_an_end_by_cut_off_is_compared_with_the_plan(facts):
+    end, failed = made_up_event(FLIGHT_COMPLETE, 401.0), made_up_event(FAILED, 300.0)
+    cut_off = made_up_event(CUTOFF, 400.0)
+    missed = made_up_event(FLIGHT_COMPLETE, 401.0, speed=7690.0)
+    for events, compared in (
+        ((cut_off, end), True),
+        ((failed, cut_off, end), True),
+        ((cut_off, missed), True),
+        ((failed, cut_off, missed), False),
+        ((made_up_event(JETTISON_STUCK, 300.0), cut_off, missed), False),
+        ((failed, end), False),
+        ((made_up_event(DEPLETION, 300.0), end), False),
+        ((cut_off, made_up_event(IMPACT, 500.0)), False),
+    ):
+        summary = flown(facts, *events)
+        summary.planned_m_f_kg = 510.0
+        assert ("500.00 kg, 1.961 % below the plan's 510.00 kg" in printed(summary)) == compared
+        assert ("the plan's" in printed(summary)) == compared
 
 
 @pytest.mark.parametrize("wide", ["40", "200"])
