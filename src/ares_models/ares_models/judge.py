@@ -128,14 +128,21 @@ class Judgement:
         key = next(figure.key for figure in FIGURES if figure.name == name)
         return self.errors[key], self.allowed[key]
 
+    def missed(self) -> list[JudgedQuantity]:
+        """Return the figures whose error is beyond its tolerance."""
+        return [
+            figure
+            for figure in FIGURES
+            if figure.key in self.errors
+            and not abs(self.errors[figure.key]) <= self.allowed[figure.key]
+        ]
+
     def misses(self) -> list[str]:
         """Return one text for each error beyond its tolerance."""
         return [
             f"{figure.label} off by {figure.in_words(self.errors[figure.key])}, "
             f"allowed {figure.in_words(self.allowed[figure.key])}"
-            for figure in FIGURES
-            if figure.key in self.errors
-            and not abs(self.errors[figure.key]) <= self.allowed[figure.key]
+            for figure in self.missed()
         ]
 
     def reached(self) -> str:
@@ -147,12 +154,15 @@ class Judgement:
             return f"target lowered by {self.lacking_m_s:,.1f} m/s"
         if self.end is End.SUBORBITAL and self.lacking_m_s > SPEED_M_S:
             return f"suborbital, {perigee}, {self.lacking_m_s:,.1f} m/s short"
+        missed = self.missed()
+        if self.end is End.LOWERED and len(missed) == 1:
+            return f"all of the target but its {missed[0].label}, {perigee}"
         return f"{_WORDS[self.end]}, {perigee}"
 
 
 _WORDS = {
     End.TARGET: "on the target",
-    End.LOWERED: "no lower than the target",
+    End.LOWERED: "another orbit",
     End.SAFE_ORBIT: "safe orbit",
     End.SUBORBITAL: "suborbital",
 }

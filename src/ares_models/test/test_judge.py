@@ -215,6 +215,13 @@ def level(speed=SPEED, radius=RADIUS, tilt=TILT):
     return (radius, 0.0, 0.0), (0.0, speed * math.cos(tilt), speed * math.sin(tilt))
 
 
+def climbing(angle_deg):
+    r, (_, east, north) = level()
+    part = math.radians(angle_deg)
+    along = math.cos(part)
+    return r, (SPEED * math.sin(part), east * along, north * along)
+
+
 @pytest.mark.parametrize(
     ("state", "end", "words"),
     [
@@ -227,7 +234,18 @@ def level(speed=SPEED, radius=RADIUS, tilt=TILT):
         (level(7_700.0, 6_750_000.0), End.SAFE_ORBIT, "safe orbit, perigee 371.9 km"),
         (level(SPEED - 15.0, tilt=TILT + 0.01), End.SAFE_ORBIT, "safe orbit, perigee 221.9 km"),
         # a released radius is a target lowered by almost nothing
-        (level(SPEED, RADIUS + 800.0), End.LOWERED, "no lower than the target, perigee 222.7 km"),
+        (
+            level(SPEED, RADIUS + 800.0),
+            End.LOWERED,
+            "all of the target but its radius, perigee 222.7 km",
+        ),
+        # an angle alone is off: the perigee is below the target's
+        (
+            climbing(0.0028),
+            End.LOWERED,
+            "all of the target but its flight-path angle, perigee 221.9 km",
+        ),
+        (level(SPEED - 0.5, RADIUS + 800.0), End.LOWERED, "another orbit, perigee 222.7 km"),
         (level(3_000.0), End.SUBORBITAL, None),
         (level(math.nan), End.SUBORBITAL, "no orbit"),
     ],
