@@ -88,6 +88,32 @@ def test_a_law_that_is_broken_is_one_line(installed, tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "line", "reason"),
+    [
+        ("r_go = sub(", "r_go = subb(", 30, "NameError: name 'subb' is not defined"),
+        ("nav.position", "nav.positon", 18, "KeyError: 'positon'"),
+        ("norm(sub(v_go, before))", "norm(sub(v_go))", 50, "Cannot bind"),
+        ("LAW = law_of_pass(", "LAW = lawofpass(", 53, "NameError: name 'lawofpass'"),
+        ("def iterate(", "def iterate((", 14, "SyntaxError"),
+    ],
+)
+def test_a_law_that_fails_is_one_line_that_names_the_place(
+    installed, tmp_path, right, wrong, line, reason
+):
+    law, _ = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert right in law
+    path = tmp_path / "linear_tangent.py"
+    path.write_text(law.replace(right, wrong))
+    places = os.pathsep.join([str(tmp_path), installed["PYTHONPATH"]])
+    words = ("fly", "--mission", "ares_v", "--guidance", "linear_tangent", "--no-record")
+    refused = ares({**installed, "PYTHONPATH": places}, *words)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    said = f"ares: law linear_tangent fails in {path}, line {line}: {reason}"
+    assert refused.stderr.startswith(said)
+
+
 def test_what_pages_name_of_a_law_there_is():
     """Check that fields of `LawKind` named in docs exist."""
     pages = (Path(__file__).parent.parent / "docs").glob("*.md")

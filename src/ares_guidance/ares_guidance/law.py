@@ -24,6 +24,7 @@ from ares_guidance.arrays import (
 from ares_guidance.kernels.plans.legs import step_by_legs
 from ares_guidance.kernels.plans.programme import flies_programme
 from ares_guidance.kernels.prediction.segments import TABLE_PIECES
+from ares_guidance.own_law import one_line_each
 from ares_guidance.plan import ArcPlan, plan_of
 from ares_guidance.programme import Programme
 from ares_guidance.settings import LawSettings
@@ -168,7 +169,7 @@ def _entry(kind: LawKind) -> Callable[[MissionArrays, OnboardArrays], None]:
     entry: Callable[[MissionArrays, OnboardArrays], None] = specialised(
         "ares_guidance.kernels.entry", f"of_{kind.name}", guarded_step=guarded(kind)
     ).answer
-    return entry
+    return one_line_each(kind.name)(entry)
 
 
 class Law:
@@ -489,7 +490,7 @@ class Law:
             whether a guidance cycle was due; `steering` is the answer either way.
 
         Raises:
-            ValueError: the mission needs a plan, and there is none.
+            ValueError: the mission needs a plan, and there is none, or the law fails; one line.
         """
         self.check_plan()
         before = self.cycle

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import ERROR_NOT_CONVERGED, ERROR_TARGET_UNREACHABLE, STEEPEST
 from ares_guidance.kernels.plans.floor import lowest_altitude
 from ares_guidance.law import Law, LawKind
+from ares_guidance.own_law import one_line_each
 from ares_guidance.plan import ArcPlan
 from ares_guidance.registry import GROUP, law_names
 from ares_guidance.settings import LawSettings
@@ -35,7 +36,8 @@ def find_law(name: str) -> LawKind:
     """
     if name not in law_names():
         raise ValueError(f"law is {name!r}; expected one of {', '.join(law_names())}")
-    return load_registered(GROUP, "law", name, LawKind)
+    with one_line_each(name):
+        return load_registered(GROUP, "law", name, LawKind)
 
 
 def self_starting_laws() -> list[str]:
@@ -63,10 +65,11 @@ def make_law(
             None: it flies by a plan only if the mission needs one.
 
     Raises:
-        ValueError: no such law, or the law cannot fly this mission.
+        ValueError: no such law, the law cannot fly this mission, or it fails; one line.
     """
     kind = find_law(name)
-    law = kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
+    with one_line_each(name):
+        law = kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
     law.asks = start is not None and asks_for_plan(name, arrays, start)
     return law
 
@@ -131,7 +134,7 @@ def finds_way(
     Args: as in :func:`check_law`.
 
     Raises:
-        ValueError: the law cannot fly to this target, or lacks a plan.
+        ValueError: the law cannot fly to this target, lacks a plan, or fails; one line.
     """
     law = make_law(name, arrays)
     if names(arrays.target[0], _PLACE) and not law.kind.meets_place:
@@ -139,9 +142,10 @@ def finds_way(
             f"law is {name!r}, which flies to no place on an orbit whose argument of perigee is "
             "named; leave either out of the target, or use another law"
         )
-    if plan is not None:
-        law.follow_arcs(plan)
-    law.step(start[0])
+    with one_line_each(name):
+        if plan is not None:
+            law.follow_arcs(plan)
+        law.step(start[0])
     solution = law.state["solution"]
     # with a plan the target plane is known to be in reach
     lost = law.state["error"] == ERROR_NOT_CONVERGED or (
@@ -155,11 +159,15 @@ def rehearse(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
     """Compile a law that has no plan yet, by one step on a dummy plan.
 
     Args: as in :func:`check_law`.
+
+    Raises:
+        ValueError: the law cannot fly this mission, or it fails; one line.
     """
     law = make_law(name, arrays)
     there = Insertion.from_state(start["position"][0], start["velocity"][0])
     every = range(len(arrays.arcs))
-    law.follow_arcs(ArcPlan(dict.fromkeys(every, 0.0), dict.fromkeys(every, there)))
-    law.step(start[0])
+    with one_line_each(name):
+        law.follow_arcs(ArcPlan(dict.fromkeys(every, 0.0), dict.fromkeys(every, there)))
+        law.step(start[0])
     none = np.zeros((0, 3))
     lowest_altitude(0.0, 0.0, True, np.zeros(0), none, none, arrays.environment)
