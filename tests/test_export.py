@@ -128,6 +128,19 @@ def test_the_table_of_a_flight(exported):
     assert columns["navigation_position_x_m"][:-1].tolist() == columns["position_x_m"][:-1].tolist()
     for name, values in zip(("longitude_deg", "latitude_deg", "height_m"), places(), strict=True):
         assert columns[name] == pytest.approx(values, abs=1e-3 if name == "height_m" else 1e-8)
+    # the horizon is that of a programme: normal to the ellipsoid
+    earth = load_mission("ares_v").environment.earth
+    up = truth["position"] * [1.0, 1.0, (earth.equatorial_radius_m / earth.polar_radius_m) ** 2]
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    east = np.cross([0.0, 0.0, 1.0], up)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    parts = [np.sum(truth["thrust_direction"] * axis, axis=1) for axis in (up, east)]
+    pitch, azimuth = np.radians([columns["pitch_deg"], columns["azimuth_deg"]])
+    burns = np.flatnonzero(truth["thrust"] > 0.0)[1:]
+    assert len(burns) > 600
+    assert np.sin(pitch[burns]) == pytest.approx(parts[0][burns], abs=1e-12)
+    flat = np.cos(pitch[burns]) * np.sin(azimuth[burns])
+    assert flat == pytest.approx(parts[1][burns], abs=1e-12)
     # the vehicle turns at once: the command to a state is where the thrust points in the next
     nxt = [columns[f"thrust_direction_{axis}"][2:-1] for axis in "xyz"]
     told = [columns[f"command_direction_{axis}"][1:-2] for axis in "xyz"]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ares_studies.flight_page.charts import AIR
 from ares_studies.flight_page.data import DrawnFlight
-from ares_studies.flight_page.geometry import attitude
 
 Columns = Mapping[str, NDArray[np.float64]]
 #: An instant to mark: mission elapsed time in s, and a label.
@@ -30,10 +29,10 @@ def draw_flight(
     title: str,
     truth: Columns,
     status: Columns,
+    flight: DrawnFlight,
     marks: Sequence[Mark] = (),
     heating_limit_w_m2: float | None = None,
     target: Mapping[str, float] | None = None,
-    flight: DrawnFlight | None = None,
     air_marks: Sequence[Mark] = (),
 ) -> Figure:
     """Plot one flight in six panels against mission elapsed time; four more for its air.
@@ -42,15 +41,15 @@ def draw_flight(
         title: above the plot.
         truth: columns of VehicleState, `time` in s; vectors have shape (n, 3).
         status: columns of GuidanceStatus, `time` in s.
+        flight: the same flight as its page draws it; without a part in the air: no such panels.
         marks: instants to mark: mission elapsed time in s, and a label.
         heating_limit_w_m2: drawn in the heating panel.
         target: values to draw as dashed lines: speed_m_s, flight_path_angle_deg.
-        flight: the same flight with its part in the air; None, or without one: no such panels.
         air_marks: instants to mark in these.
     """
     whole: Any = Figure(figsize=(11.0, 7.4), dpi=130, layout="constrained", facecolor="white")
     figure = whole
-    if flight is not None and flight.air is not None:
+    if flight.air is not None:
         figure.set_figheight(7.4 + 5.0)
         whole, below = figure.subfigures(2, 1, height_ratios=(7.4, 5.0))
         _draw_air(below, flight, [mark for mark in air_marks if mark[0] <= flight.air.until_s])
@@ -65,9 +64,8 @@ def draw_flight(
     _level(axes[0, 1], target.get("speed_m_s"), "target")
     _line(axes[1, 0], t, np.degrees(truth["flight_path_angle"]), "flight-path angle, deg")
     _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
-    # the first sample precedes the first command
-    pitch, _ = attitude(truth)
-    _line(axes[1, 1], t[1:], pitch[1:], "pitch of the thrust above the horizon, deg")
+    states = flight.states
+    _line(axes[1, 1], states.time_s, states.pitch_deg, "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     if np.any(truth["heating_rate"] > 0.0):
         axes[2, 0].set_yscale("log")

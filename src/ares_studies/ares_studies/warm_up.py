@@ -15,7 +15,12 @@ from ares_guidance.law import PEG, Law
 from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.kernels.aerodynamics import air_at, body_force, pressure_loss
-from ares_models.kernels.environment import air_velocity, density, relative_velocity
+from ares_models.kernels.environment import (
+    air_velocity,
+    density,
+    relative_velocity,
+    vertical_stretch,
+)
 from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
 from ares_models.registry import registered
@@ -85,6 +90,7 @@ def compile_pages() -> None:
     air_at(0.0, *surroundings)
     air_velocity(place, velocity, surroundings[0])
     relative_velocity(place, velocity, surroundings[0])
+    vertical_stretch(surroundings[0])
 
 
 def compile_flights() -> None:

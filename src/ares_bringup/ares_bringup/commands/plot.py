@@ -46,10 +46,10 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
         f"{flown.mission.title} - {flown.law}",
         flown.columns["vehicle_state"],
         flown.columns["guidance_status"],
+        flight,
         marks_of(flown.summary),
         _heating_limit(flown.mission),
         _target(flown.mission),
-        flight,
         _air_marks(flown, flight),
     )
     image = BytesIO()

@@ -151,7 +151,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
         (
             Chart(
                 "Pitch of the thrust",
-                "Above the local horizontal.",
+                "Above the local horizontal, as in a programme.",
                 Axis("pitch", "deg"),
                 lines.state("pitch_deg", digits=4),
             ),

@@ -41,8 +41,8 @@ class Optimality:
     Attributes:
         time_s: mission elapsed time; repeated at an event.
         primer: norm of the primer vector, the costate of the velocity; 1 at the start.
-        primer_up, primer_ahead, primer_right: its components along the radius, along the horizontal
-            velocity, and to the right of it.
+        primer_up, primer_ahead, primer_right: its components upwards as the pitch has it, along the
+            horizontal velocity, and to the right of it.
         switching: switching function, kg of final mass per kg of propellant; nan: the length of the
             burn is fixed.
         hamiltonian_m_s2: with mass costate and propellant multiplier.
@@ -99,8 +99,9 @@ class States:
         altitude_m: as defined by the mission.
         speed_m_s, relative_speed_m_s: inertial, and relative to the rotating air.
         flight_path_angle_deg: of the inertial velocity.
-        pitch_deg, yaw_deg: see `attitude`; nan in the first state of a flight too, which precedes
-            the first command, as are the angle of attack and what it makes.
+        pitch_deg, yaw_deg, azimuth_deg: of the thrust, see `attitude`; nan in the first state of a
+            flight too, which precedes the first command, as are the angle of attack and what it
+            makes.
         mass_kg, thrust_n: of the vehicle.
         acceleration_m_s2: along the thrust, by thrust and air, as sensed by accelerometers.
         lateral_acceleration_m_s2: the same across the thrust; nan: unknown.
@@ -121,6 +122,7 @@ class States:
     flight_path_angle_deg: Array
     pitch_deg: Array
     yaw_deg: Array
+    azimuth_deg: Array
     mass_kg: Array
     thrust_n: Array
     acceleration_m_s2: Array
@@ -346,7 +348,13 @@ def states_from_start(truth: Columns, mission: Mission) -> States:
 
 def attitude_of(states: States) -> tuple[Array, ...]:
     """Return what is unknown of a state that precedes any command."""
-    return states.pitch_deg, states.yaw_deg, states.angle_of_attack_deg, states.q_alpha_pa_rad
+    return (
+        states.pitch_deg,
+        states.yaw_deg,
+        states.azimuth_deg,
+        states.angle_of_attack_deg,
+        states.q_alpha_pa_rad,
+    )
 
 
 def states_of(truth: Columns, mission: Mission) -> States:
@@ -357,7 +365,7 @@ def states_of(truth: Columns, mission: Mission) -> States:
         mission: flown mission.
     """
     position, velocity = truth["position"], truth["velocity"]
-    pitch, yaw = attitude(truth)
+    pitch, yaw, azimuth = attitude(truth, mission.environment_array()[0])
     earth = mission.earth()
     track = ground_track(truth["time"], position, earth)
     # bags of old do not tell of the air
@@ -377,6 +385,7 @@ def states_of(truth: Columns, mission: Mission) -> States:
         flight_path_angle_deg=np.degrees(truth["flight_path_angle"]),
         pitch_deg=pitch,
         yaw_deg=yaw,
+        azimuth_deg=azimuth,
         mass_kg=truth["mass"],
         thrust_n=truth["thrust"],
         acceleration_m_s2=truth.get("axial_acceleration", truth["thrust"] / truth["mass"]),

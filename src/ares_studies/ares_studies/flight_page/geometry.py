@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import Record
 from ares_models.earth import Earth
+from ares_models.kernels.environment import vertical_stretch
 from ares_models.kernels.impact import fall
 
 Array = NDArray[np.float64]
@@ -26,61 +27,82 @@ class GroundTrack:
     longitude_deg: Array
 
 
-def local_axes(position: Array, velocity: Array) -> tuple[Array, Array, Array]:
+def local_axes(position: Array, velocity: Array, environment: Record) -> tuple[Array, Array, Array]:
     """Compute axes at the vehicle: up, ahead along the horizontal velocity, right of it.
+
+    Up is normal to the ellipsoid, as for the angles of a `programme`; along the radius where
+    altitudes are above a sphere.
 
     Args:
         position: inertial, shape (n, 3), m.
         velocity: inertial, shape (n, 3), m/s.
+        environment: record of dtype ENVIRONMENT.
 
     Returns:
         Unit vectors, shape (n, 3) each; zero ahead and right if the velocity is vertical.
     """
-    up = position / np.linalg.norm(position, axis=1, keepdims=True)
+    up = position * (1.0, 1.0, vertical_stretch(environment))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
     right = np.cross(velocity, up)
     size = np.linalg.norm(right, axis=1, keepdims=True)
     right = right / np.where(size > 0.0, size, 1.0)
     return up, np.cross(up, right), right
 
 
-def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[Array, Array]:
-    """Compute pitch and yaw of the thrust.
+def thrust_angles(
+    position: Array, velocity: Array, direction: Array, environment: Record
+) -> tuple[Array, Array, Array]:
+    """Compute pitch, yaw and azimuth of the thrust.
 
-    Pitch is the angle of the thrust above the local horizontal, the plane normal to the radius. Yaw
-    is the azimuth of the thrust minus that of the inertial velocity: the angle between their
-    horizontal components, positive to the right of the velocity as seen from above. Thrust in the
-    vertical plane of the velocity has no yaw.
+    Pitch is the angle of the thrust above the horizon, see :func:`local_axes`. Yaw is the azimuth
+    of the thrust minus that of the inertial velocity: the angle between their horizontal
+    components, positive to the right of the velocity as seen from above. Thrust in the vertical
+    plane of the velocity has no yaw.
 
     Args:
         position: inertial, shape (n, 3), m.
         velocity: inertial, shape (n, 3), m/s.
         direction: of the thrust, shape (n, 3), unit vectors.
+        environment: record of dtype ENVIRONMENT.
 
     Returns:
-        Pitch and yaw, shape (n,) each, deg; yaw is 0 if thrust or velocity is vertical.
+        Pitch, yaw, and azimuth from north to east in 0..360, shape (n,) each, deg; yaw is 0 if
+        thrust or velocity is vertical.
     """
-    up, along, right = local_axes(position, velocity)
+    up, along, right = local_axes(position, velocity, environment)
     sine = np.sum(direction * up, axis=1)
     across = np.sum(direction * right, axis=1)
     ahead = np.sum(direction * along, axis=1)
-    return np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))), np.degrees(np.arctan2(across, ahead))
+    east = np.cross((0.0, 0.0, 1.0), up)
+    to_east = np.sum(direction * east, axis=1)
+    to_north = np.sum(direction * np.cross(up, east), axis=1)
+    return (
+        np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))),
+        np.degrees(np.arctan2(across, ahead)),
+        np.degrees(np.arctan2(to_east, to_north)) % 360.0,
+    )
 
 
-def attitude(truth: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Compute pitch and yaw of the thrust along a flight, as they are drawn.
+def attitude(truth: Mapping[str, Array], environment: Record) -> tuple[Array, Array, Array]:
+    """Compute pitch, yaw and azimuth of the thrust along a flight, as they are drawn.
 
     Args:
         truth: columns of VehicleState.
+        environment: record of dtype ENVIRONMENT.
 
     Returns:
-        As :func:`thrust_angles`; nan without thrust, and the yaw of a thrust that points up.
+        As :func:`thrust_angles`; nan without thrust, and yaw and azimuth of a thrust that points
+        up.
     """
-    pitch, yaw = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
-    coasts = truth["thrust"] <= 0.0
-    pitch[coasts] = yaw[coasts] = math.nan
+    pitch, yaw, azimuth = thrust_angles(
+        truth["position"], truth["velocity"], truth["thrust_direction"], environment
+    )
+    for angle in (pitch, yaw, azimuth):
+        angle[truth["thrust"] <= 0.0] = math.nan
     # azimuth of what points up is noise
-    yaw[pitch > _UPRIGHT_DEG] = math.nan
-    return pitch, yaw
+    for angle in (yaw, azimuth):
+        angle[pitch > _UPRIGHT_DEG] = math.nan
+    return pitch, yaw, azimuth
 
 
 def ground_track(time: Array, position: Array, earth: Earth) -> GroundTrack:

@@ -207,7 +207,8 @@ def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
                 switching[piece.rows] = (worth - mus) / price - 1.0
     track_at = _at(track, time)
     position, velocity = track_at[:, :3], track_at[:, 3:]
-    parts = [np.sum(costates.lambda_v * axis, axis=1) for axis in local_axes(position, velocity)]
+    axes = local_axes(position, velocity, arrays.environment[0])
+    parts = [np.sum(costates.lambda_v * axis, axis=1) for axis in axes]
     return Optimality(
         time_s=time,
         primer=np.linalg.norm(costates.lambda_v, axis=1),
