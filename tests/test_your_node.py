@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ares_bringup.verbs.graph import NODES
 from ares_guidance.node import GuidanceNode
 from ares_models.judge import End, judge
 from ares_models.mission import load_mission
@@ -33,6 +34,14 @@ def mission(tmp_path):
     path = tmp_path / "kick.yaml"
     path.write_text(text)
     return path
+
+
+def test_its_commands_name_nodes_and_programs_that_there_are():
+    nodes = re.findall(r"^\./ares node (\w+)", PAGE, re.MULTILINE)
+    assert nodes == ["sim", "guidance"]
+    assert set(nodes) <= set(NODES)
+    run = re.findall(r"^\./ares exec python (\S+)", PAGE, re.MULTILINE)
+    assert run == re.findall(r"`(\w+\.py)`:\n\n```python", PAGE)
 
 
 def vehicle(graph, printed, mission):
