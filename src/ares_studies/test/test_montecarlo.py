@@ -514,7 +514,7 @@ def mass_of(rows):
 
 
 def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
-    """Check that an outlier is at the edge, in its own colour, with a note."""
+    """Check that an outlier is counted beside the bins."""
     mass = hundred["m_f_kg"].to_numpy().copy()
     good = hundred["succeeded"].to_numpy().copy()
     mass[7], good[7] = 0.2 * mass[7], False
@@ -528,8 +528,24 @@ def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
     assert (histogram.edges[0], histogram.edges[-1]) == (mass[good].min(), mass[good].max())
     assert (histogram.below, histogram.above) == (1, 0)
     # as many bins as the square root of the flights
-    assert histogram.failed.tolist() == [1] + 9 * [0]
+    assert histogram.failed.tolist() == 10 * [0]
     assert histogram.counts.sum() == 99
+
+
+def test_a_histogram_of_few_successes_shows_nearly_all_flights(hundred, tmp_path):
+    mass = hundred["m_f_kg"].to_numpy()
+    good = np.argsort(mass).argsort() // 2 == 25
+    place = hundred.schema.get_field_index("succeeded")
+    path = tmp_path / "flights.parquet"
+    pq.write_table(hundred.set_column(place, "succeeded", pa.array(good)), path)
+    histogram = summarize(path, 127_880.0).histograms["m_f_kg"]
+    assert histogram.counts.sum() == 2
+    inside = (mass >= histogram.edges[0]) & (mass <= histogram.edges[-1])
+    assert 98 <= np.count_nonzero(inside) == 2 + histogram.failed.sum()
+    assert histogram.below + histogram.above == 100 - np.count_nonzero(inside)
+    # none is heaped at an edge
+    expected = np.histogram(mass[inside & ~good], histogram.edges)[0]
+    assert histogram.failed.tolist() == expected.tolist()
 
 
 def test_a_single_failure_is_marked_in_every_histogram(standard, tmp_path):
@@ -614,7 +630,8 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
     assert summary.reserve.reserve_kg == pytest.approx(summary.reserve.used_kg - 127_880.0)
     histogram = summary.histograms["m_f_kg"]
     assert histogram.counts.sum() == 1000 - len(failed)
-    assert histogram.failed.sum() == np.count_nonzero(np.isfinite([r["m_f_kg"] for r in failed]))
+    outside = histogram.below + histogram.above
+    assert histogram.failed.sum() + outside == np.count_nonzero(np.isfinite(mass_of(failed)))
     good = [row["m_f_kg"] for row in table.to_pylist() if row["succeeded"]]
     width = max(good) - min(good)
     assert histogram.edges[0] >= min(good) - 0.25 * width

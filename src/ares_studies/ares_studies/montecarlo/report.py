@@ -396,12 +396,12 @@ def _said(flight: int, failure: str) -> str:
 
 
 def _beyond(histogram: Histogram) -> str:
-    """Describe the values outside the bins, which the outermost bins include."""
+    """Describe the values outside the bins."""
     sides = (("below", histogram.below), ("beyond", histogram.above))
     told = [f"{count:,} {side}" for side, count in sides if count]
     if not told:
         return ""
-    return f"{' and '.join(told)} what is shown: counted at the edge."
+    return f"{' and '.join(told)} what is shown, in no bar."
 
 
 def _result_figures(summary: Summary) -> list[Item]:

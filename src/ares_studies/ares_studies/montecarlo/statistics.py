@@ -40,6 +40,8 @@ FAILED = 30
 BINS = 80
 #: Most by which a histogram extends beyond the successful flights on either side, as a fraction.
 NEAR = 0.25
+#: Least fraction of all flights with the quantity that a histogram shows.
+SHOWN = 0.98
 
 
 class Tally:
@@ -234,13 +236,13 @@ class Histogram:
     """Hold a histogram of a quantity.
 
     The range is that of the successful flights, or of all if none succeeded, extended to the others
-    if they are close; values beyond it are counted in the outermost bin.
+    if they are close, and until it has SHOWN of all. Values outside it are in no bin.
 
     Attributes:
         edges: shape (bins + 1,).
         counts: of the successful flights, shape (bins,).
         failed: of the others, shape (bins,).
-        below, above: number of values counted there although they lie outside.
+        below, above: number of values outside.
     """
 
     edges: Array
@@ -422,11 +424,15 @@ def _widen(spans: dict[str, Interval], name: str, values: Array) -> None:
         spans[name] = (min(low, float(values.min())), max(high, float(values.max())))
 
 
-def _edges(every: Interval, good: Interval, bins: int) -> Array:
-    """Compute the bin edges of a quantity from its spans."""
+def _edges(every: Interval, good: Interval, sample: Array, bins: int) -> Array:
+    """Compute the bin edges of a quantity from its spans and a sample of all flights."""
     width = good[1] - good[0]
     low = every[0] if every[0] >= good[0] - NEAR * width else good[0]
     high = every[1] if every[1] <= good[1] + NEAR * width else good[1]
+    known = sample[np.isfinite(sample)]
+    if known.size and np.mean((known >= low) & (known <= high)) < SHOWN:
+        low = min(low, float(np.quantile(known, 0.5 * (1.0 - SHOWN), method="lower")))
+        high = max(high, float(np.quantile(known, 0.5 * (1.0 + SHOWN), method="higher")))
     return np.linspace(low, high if high > low else low + 1.0, bins + 1)
 
 
@@ -435,13 +441,14 @@ def _histograms(file: Any, gathered: _Gathered) -> dict[str, Histogram]:
     bins = min(BINS, math.ceil(math.sqrt(gathered.tally.n)))
     found = {}
     for name, every in spans.items():
-        edges = _edges(every, gathered.good_spans.get(name, every), bins)
+        good = gathered.good_spans.get(name, every)
+        edges = _edges(every, good, gathered.sample[name], bins)
         found[name] = Histogram(edges, np.zeros(bins, np.int64), np.zeros(bins, np.int64), 0, 0)
     for group in range(file.num_row_groups):
         table = file.read_row_group(group, columns=[*spans, "succeeded"])
-        good = table["succeeded"].to_numpy()
+        succeeded = table["succeeded"].to_numpy()
         for name, before in found.items():
-            found[name] = _counted(before, table[name].to_numpy(), good)
+            found[name] = _counted(before, table[name].to_numpy(), succeeded)
     return found
 
 
@@ -450,11 +457,10 @@ def _counted(before: Histogram, values: Array, good: NDArray[np.bool_]) -> Histo
     edges = before.edges
     known = np.isfinite(values)
     values, good = values[known], good[known]
-    inside = np.clip(values, edges[0], edges[-1])
     return Histogram(
         edges,
-        before.counts + np.histogram(inside[good], edges)[0],
-        before.failed + np.histogram(inside[~good], edges)[0],
+        before.counts + np.histogram(values[good], edges)[0],
+        before.failed + np.histogram(values[~good], edges)[0],
         before.below + int(np.count_nonzero(values < edges[0])),
         before.above + int(np.count_nonzero(values > edges[-1])),
     )
