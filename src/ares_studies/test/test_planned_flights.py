@@ -383,7 +383,9 @@ def test_a_plan_through_the_ground_is_none(restart, tmp_path, monkeypatch):
     fixed = solve(write(tmp_path, BURN, COAST), "indirect", verify=False)
     monkeypatch.setattr("ares_optimizer.kept.solve_once", lambda *_, **__: fixed)
     assert closed_loop.arc_plan(mission, find_law("peg")) is not None
-    with pytest.raises(ValueError, match=r"no plan was found: arc 0, a burn, goes through the ground"):
+    with pytest.raises(
+        ValueError, match=r"no plan was found: arc 0, a burn, goes through the ground"
+    ):
         closed_loop.arc_plan(load_mission(path), find_law("peg"))
 
 
