@@ -859,6 +859,9 @@ def test_what_solids_give_too_much_is_wasted_without_jumps():
     lit = np.diff(track.time_s[powered]) < 2.0
     assert turns[lit].max() < 5.0
     assert turns[lit].sum() < 300.0
+    # the fairing is no ballast: it drops as soon as its heating allows
+    heating = next(c for c in solution.constraints if c.key is Check.HEATING_AT_JETTISON)
+    assert heating.active
 
 
 def test_what_has_vanished_at_the_ends_of_a_burn_has_no_say():

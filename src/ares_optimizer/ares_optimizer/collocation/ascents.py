@@ -174,9 +174,9 @@ def try_other_plane(search: Search) -> None:
     """Solve the best flight from the pad in the other plane of the target's inclination.
 
     Two planes with a free node pass over a site, one to the north and one to the south of east.
-    Their optima differ by the Earth's oblateness. The flight is mirrored at the plane of the
-    vertical and the east, where it is a good first guess; the starts that led to it count for its
-    image too.
+    Their optima differ by the Earth's oblateness, less than by the intervals: both are solved on
+    those for the same flight. It is mirrored at the plane of the vertical and the east, where it is
+    a good first guess; the starts that led to it count for its image too.
 
     Args:
         search: with its best solution, if there is any; it may get another.
@@ -189,8 +189,9 @@ def try_other_plane(search: Search) -> None:
     up = start["position"][0] / np.linalg.norm(start["position"][0])
     if abs(math.cos(float(target["inclination"]))) > _EASTWARD * math.hypot(up[0], up[1]):
         return
-    met = search.again
-    search.try_start(_in_other_plane(flight_of(best), start))
+    met, here = search.again, flight_of(best, 0)
+    search.try_start(here)
+    search.try_start(_in_other_plane(here, start))
     search.optima[0].met = max(search.optima[0].met, met)
 
 

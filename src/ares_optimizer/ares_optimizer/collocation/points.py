@@ -33,10 +33,8 @@ _BINDING = 1e-8
 #: thrust by 1 rad, evenly over the flight, that then holds it steady.
 _IDLE = 1e-6
 _TURNING = 1e-6
-#: Least step between points that counts for it, relative to the flight, and cost of a drop after
-#: one unit of time.
-_LEAST_STEP = 1e-2
-_LATE = 1e-6
+#: Cost of a drop after one unit of time.
+_LATE = 1e-5
 #: Mach number beyond which the drag coefficient is steady, change of it that counts as 1 rad of a
 #: turn, turn for each end of an active limit, rad, its duration, s, and samples of it all.
 _FASTEST_MACH = 4.0
@@ -141,7 +139,7 @@ def penalize_waste(program: CollocationProgram) -> None:
     guided = program.points[program.steering[program.points["phase"]] == GUIDED]
     pieces = program.segments[guided["phase"]]
     times = pieces["start"] + guided["fraction"] * (pieces["end"] - pieces["start"])
-    steps = np.maximum(np.diff(times) / (times[-1] - times[0]), _LEAST_STEP)
+    steps = np.maximum(np.diff(times), SAME_LENGTH) / (times[-1] - times[0])
     columns = guided["control"][:, None] + np.arange(3)
     scales = np.repeat(np.sqrt(_TURNING / steps), 3)
     turns = csr_array(
