@@ -341,11 +341,6 @@ def _drop_at_once(ascent: Search) -> None:
     flight, pilot = flight_of(ascent.optima[0].found), Pilot(ascent.arrays, ascent.start, ())
     if not len(flight.times.drops) or not pilot.has_needless_burn(flight.times):
         return
-    environment, atmosphere = ascent.arrays.environment[0], ascent.arrays.atmosphere
-    for row in flight.track:
-        r, v = (tuple(row[at : at + 3].tolist()) for at in (rollout.POSITION, rollout.VELOCITY))
-        rate = heating_rate(r, v, environment, atmosphere)
-        row[rollout.LOG_HEATING] = math.log(max(rate, _NO_HEATING_W_M2))
     early = replace(flight, times=pilot.with_drops(flight.times, flight.track))
     other = Search(ascent.arrays, ascent.start, ascent.floors, ascent.request)
     other.try_start(early)
@@ -410,7 +405,7 @@ def _joined(search: Search, begin: Beginning, trial: TrialFlight) -> TrialFlight
 
 
 def track_of(ascent: FoundOptimum) -> Array:
-    """Return the track of an ascent, shape (nodes, TRACK_COLUMNS), without its heating."""
+    """Return the track of an ascent, shape (nodes, TRACK_COLUMNS)."""
     program, x = ascent.program, ascent.point.x
     track = np.zeros((program.nodes, rollout.TRACK_COLUMNS))
     times = node_times(program, program.time * x[program.lengths])
@@ -424,6 +419,11 @@ def track_of(ascent: FoundOptimum) -> Array:
         track[:, rollout.DIRECTION + c] = direction
     environment = program.arrays.environment[0]
     track[:, rollout.ALTITUDE] = [altitude(tuple(r), environment) for r in states[:, :3].tolist()]
+    rates = [
+        heating_rate(tuple(y[:3]), tuple(y[3:]), environment, program.arrays.atmosphere)
+        for y in states.tolist()
+    ]
+    track[:, rollout.LOG_HEATING] = np.log(np.maximum(rates, _NO_HEATING_W_M2))
     points = program.points
     track[points["node"] + points["number"], rollout.ARC] = program.segments["arc"][points["phase"]]
     track[0, rollout.ARC] = program.segments["arc"][0]

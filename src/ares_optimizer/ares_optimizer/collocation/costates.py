@@ -106,20 +106,20 @@ def _terms(
         s = (fraction - float(phase["from_end"])) * length
         flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time
 
-    def drag(along: Array) -> Array:
+    def force_of_air(along: Array) -> Array:
         if not phase["in_air"]:
             return np.zeros(3)
         return np.array(body_force(arc, r, v, tuple(along.tolist()), *surroundings))
 
     if phase["steering"] == VERTICAL:
         u = np.array(local_vertical(r, surroundings[0]))
-    force = drag(u)
+    force = force_of_air(u)
     angled = phase["in_air"] and (has_attitude(arc) or math.isfinite(arc["max_q_alpha"]))
     pushed = thrust + float(np.linalg.norm(force)) > _LITTLE * float(arc["thrust"])
     size = float(np.linalg.norm(primer))
     if phase["steering"] == GUIDED and size > 0.0 and not (angled and pushed):
         u = primer / size
-        force = drag(u)
+        force = force_of_air(u)
     force = force + thrust * u if phase["steering"] != COASTING else force
     return _Terms(force / left, u, flow, float(primer @ force) / left**2)
 

@@ -265,12 +265,10 @@ def _choices(
 
 def _is_on_transfer(pilot: Pilot) -> bool:
     """Return true if a flight begins on an ellipse to the target's apogee."""
-    mu = float(pilot.arrays.environment[0]["mu"])
-    r, v = pilot.start["position"][0], pilot.start["velocity"][0]
-    energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
-    if energy >= 0.0 or pilot.eccentricity < ROUND:
+    if pilot.energy >= 0.0 or pilot.eccentricity < ROUND:
         return False
-    highest = -0.5 * mu / energy * (1.0 + pilot.eccentricity)
+    mu = float(pilot.arrays.environment[0]["mu"])
+    highest = -0.5 * mu / pilot.energy * (1.0 + pilot.eccentricity)
     return highest > _APOGEE * _target_apogee(pilot.arrays)
 
 

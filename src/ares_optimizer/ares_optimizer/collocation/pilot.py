@@ -61,8 +61,8 @@ _LOW_M = 2e4
 _SLOW_M_S = 300.0
 #: Time between a first guess of a drop and any other event, s.
 _OFF_EVENTS_S = 0.5
-#: Length of a burn, relative to the longest, below which it is not needed.
-_NEEDLESS = 1e-4
+#: Length of a burn, relative to the longest, below which it has vanished.
+_VANISHED = 1e-4
 #: Depth below the ground of a track that meets it, m.
 _DEEP_M = 1e3
 
@@ -113,7 +113,8 @@ class Pilot:
         start: shape (1,), dtype NAVIGATION.
         groups: group of each arc.
         count: number of groups.
-        eccentricity: of the orbit at the start.
+        energy: specific, of the orbit at the start, m2/s2.
+        eccentricity: of that orbit.
     """
 
     def __init__(
@@ -152,7 +153,7 @@ class Pilot:
         mu = float(arrays.environment[0]["mu"])
         r, v = start["position"][0], start["velocity"][0]
         h = np.cross(r, v)
-        energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+        energy = self.energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
         e = self.eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
         #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
         highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
@@ -288,7 +289,7 @@ class Pilot:
         if math.isinf(self.arrays.arcs[last]["duration"]):
             lengths[last] = times.cutoff - float(self.begins(times.lengths, 0.0)[-1])
         burns = [k for k in lengths if self.arrays.arcs[k]["kind"] == BURN]
-        return any(lengths[k] < _NEEDLESS * self.longest(k) for k in burns)
+        return any(lengths[k] < _VANISHED * self.longest(k) for k in burns)
 
     def inside(self, times: FreeTimes, drops: Array) -> Array:
         """Move drops a little off all other events, and before the cut-off.

@@ -285,9 +285,7 @@ class Search:
             self._unproven = True
             return None
         point = self._first_point(program, trial)
-        in_air = bool(program.phases["in_air"].any())
-        pilot = Pilot(self.arrays, self.start, floors)
-        if not point.solved and in_air and pilot.has_needless_burn(trial.times):
+        if not point.solved and self._wastes(program, trial):
             point = self._first_without_waste(program, trial)
         if not point.solved:
             if point.status == LOCALLY_INFEASIBLE:
@@ -346,6 +344,12 @@ class Search:
             again = self._solved_program(program, x, _NEAR, _MOST_RESUMED)
             point = again if again.solved else point
         return point
+
+    def _wastes(self, program: CollocationProgram, trial: TrialFlight) -> bool:
+        """Return true if a flight in the air has energy to spare."""
+        if not program.phases["in_air"].any():
+            return False
+        return Pilot(self.arrays, self.start, ()).has_needless_burn(trial.times)
 
     def _first_without_waste(
         self, program: CollocationProgram, trial: TrialFlight
