@@ -349,3 +349,15 @@ def test_a_point_whose_optimizer_missed_a_flight_is_wrong(from_pad):
     lower = dataclasses.replace(low, lacking_m_s=50.0)
     further = dataclasses.replace(point, optimum=lower, told=low, flown=lower)
     assert further.wrong.endswith("came 30.0 m/s nearer than the optimizer that knew found")
+
+
+def test_an_optimum_that_was_told_later_counts_for_who_knew_too(monkeypatch):
+    def one_row(*args):
+        return failure_rows(*args)[:1]
+
+    monkeypatch.setattr(abort_map, "failure_rows", one_row)
+    monkeypatch.setattr(Optimizer, "knew", lambda *_: NOWHERE)
+    points = made_of(load_mission("ares_v"), STEP_S).points
+    assert {point.told.end for point in points} == {End.TARGET}
+    for point in points:
+        assert point.optimum == (point.exact or point.told)

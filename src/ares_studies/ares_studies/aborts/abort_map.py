@@ -452,6 +452,8 @@ class MapMaker:
         optimum = better(point.optimum, optimizer.knew(failure))
         told = optimizer.told(failure, self._state_before(failure, point.at_s)) or point.told
         told = better(point.exact or point.told, told)
+        # a flight that was told later could also be flown by one that knew
+        optimum = better(optimum, told)
         return self._whether_dear(replace(point, optimum=optimum, told=told, exact=None))
 
     def _whether_dear(self, point: AbortPoint) -> AbortPoint:
