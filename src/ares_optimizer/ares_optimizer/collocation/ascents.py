@@ -242,7 +242,11 @@ def try_lower_coast(search: Search) -> None:
             continue
         others = tuple(other for other in search.floors if other is not floor)
         lower = Search(search.arrays, search.start, others, search.request)
-        lower.try_start(flight_of(best, search.again))
+        for optimum in search.optima:
+            if lower.is_conclusive or search.request.deadline.passed:
+                break
+            agreed = search.again if optimum.found is best else optimum.met
+            lower.try_start(flight_of(optimum.found, agreed))
         search.iterations += lower.iterations
         if lower.best is None:
             continue
