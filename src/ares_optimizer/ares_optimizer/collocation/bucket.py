@@ -25,8 +25,10 @@ from ares_optimizer.plan import free_arcs
 
 #: Share of the limit from which the engine is throttled first.
 _HIGH = 0.75
-#: Shares of the time of high pressure, one after the other until enough starts agree.
+#: Shares of the time of high pressure, one after the other until enough starts agree, and number of
+#: those after which the best flight so far gets such a bucket.
 _SHARES = (0.3, 0.6, 1.0, 0.1)
+_FROM_FREE = 2
 #: Number of free burns of a stage with a bucket: before it, the bucket, and perhaps after it.
 _PARTS = (2, 3)
 #: Length of a bucket of no use, s.
@@ -58,16 +60,19 @@ def try_throttle_bucket(search: Search) -> None:
     # where the limit is kept without a bucket, an empty one
     high = clock[pressure > _HIGH * limit] if pressure.max() > limit else clock[[pressure.argmax()]]
     at = free_arcs(arrays, start[0]).index(bucket - 1)
-    for share in _SHARES:
+    known = 0
+    for i, share in enumerate(_SHARES):
         if search.is_conclusive or search.request.deadline.passed:
             break
+        if i >= _FROM_FREE and search.best is not None:
+            flight, known = flight_of(search.best), len(burns)
+            burns = flight.times.lengths[at : at + known].tolist()
         placed = float(high[0]) - begin, share * float(np.ptp(high))
         _, lengths = _with_lengths(arrays, bucket, placed)
         later = sum(lengths) - sum(burns)
+        others = np.delete(flight.times.lengths, slice(at, at + known))
         times = FreeTimes(
-            np.insert(flight.times.lengths, at, lengths),
-            flight.times.cutoff + later,
-            flight.times.drops + later,
+            np.insert(others, at, lengths), flight.times.cutoff + later, flight.times.drops + later
         )
         search.try_start(replace(flight, times=times, limited=False))
 
