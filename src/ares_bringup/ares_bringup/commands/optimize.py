@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -24,6 +25,7 @@ from ares_models.mission_physics import longest_flight
 from ares_models.mission_warnings import FAR_ABOVE
 from ares_models.plans import flies_in_air
 from ares_models.registry import registered
+from ares_models.splines import hermite_table
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import (
@@ -39,6 +41,7 @@ from ares_optimizer.solve import solve
 if TYPE_CHECKING:
     from ares_bringup.recorded import RecordedFlight
 
+Array = NDArray[np.float64]
 Found = TypeVar("Found")
 
 EXIT_OPTIMAL = 0
@@ -53,6 +56,9 @@ VERDICTS = {
     Status.INFEASIBLE: ("infeasible", EXIT_INFEASIBLE),
 }
 NOT_FOUND = ("not found", EXIT_NOT_FOUND)
+
+#: Number of places between the states at which the dynamic pressure is computed.
+_BETWEEN = 201
 
 #: Entry points of this group tabulate results beside published ones, by name of the mission.
 PUBLISHED = "ares_bringup.published"
@@ -263,21 +269,31 @@ def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
     if track is None or not flies_in_air(arrays.arcs):
         return {}
     environment = arrays.environment[0]
-    places = [tuple(r) for r in track.position.tolist()]
-    heights = [altitude(r, environment) for r in places]
-    speeds = np.array(
-        [
-            norm(air_velocity(r, tuple(v), environment))
-            for r, v in zip(places, track.velocity.tolist(), strict=True)
-        ]
-    )
     air, factor = mission.atmosphere(), mission.environment.atmosphere.density_factor
-    densities = np.array([factor * air.density(height) for height in heights])
-    pressures = 0.5 * densities * speeds**2
-    k = int(np.argmax(pressures))
-    place = f"at {track.time_s[k]:.1f} s and {heights[k] / 1e3:.1f} km"
+    time_s, first = np.unique(track.time_s, return_index=True)
+    cubics = hermite_table(time_s, track.position[first].T, track.velocity[first].T)
+
+    def passed(time: Array) -> tuple[list[float], Array]:
+        """Return altitudes, m, and dynamic pressures, Pa."""
+        i = np.searchsorted(time_s, time, side="right") - 1
+        later = time - time_s[i]
+        c0, c1, c2, c3 = np.moveaxis(cubics[:, i, 1:], -1, 0)
+        places = [tuple(r) for r in (c0 + later * (c1 + later * (c2 + later * c3))).T.tolist()]
+        moving = [tuple(v) for v in (c1 + later * (2.0 * c2 + 3.0 * later * c3)).T.tolist()]
+        heights = [altitude(r, environment) for r in places]
+        densities = np.array([factor * air.density(height) for height in heights])
+        speeds = [norm(air_velocity(*at, environment)) for at in zip(places, moving, strict=True)]
+        return heights, 0.5 * densities * np.square(speeds)
+
+    facts = {}
+    k = int(np.argmax(passed(time_s)[1]))
     # at the first state it was greater before, in a programme of the file
-    facts = {"greatest dynamic pressure": f"{pressures[k] / 1e3:.2f} kPa {place}"} if k else {}
+    if k:
+        time = np.linspace(time_s[k - 1], time_s[min(k + 1, len(time_s) - 1)], _BETWEEN)
+        heights, pressures = passed(time)
+        k = int(np.argmax(pressures))
+        place = f"at {time[k]:.1f} s and {heights[k] / 1e3:.1f} km"
+        facts["greatest dynamic pressure"] = f"{pressures[k] / 1e3:.2f} kPa {place}"
     if knots := mission.environment.atmosphere.wind_table:
         height, *most = max(knots, key=lambda knot: math.hypot(*knot[1:]))
         strongest = f"up to {math.hypot(*most):.1f} m/s at {height / 1e3:.1f} km"
