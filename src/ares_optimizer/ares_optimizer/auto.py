@@ -149,7 +149,7 @@ def _fast(request: Request) -> Solution | None:
     if plans_arcs(arrays, start[0]) or any(floor.said for floor in floors_of(arrays, start)):
         return None
     try:
-        return solve_beside_rival(replace(request, method="indirect"))
+        return solve_beside_rival(replace(request, method="indirect", guess=None))
     except UnfitMethod:
         return None
 

@@ -58,8 +58,51 @@ def check_last_burn(mission: Mission) -> None:
         )
 
 
+def _with_any_propellant(
+    mission: Mission, deadline: Deadline, guess: Solution | None = None, verify: bool = False
+) -> Solution:
+    """Solve a mission whose last stage is nearly all propellant."""
+    return solve(
+        with_more_propellant(mission.arrays()),
+        "auto",
+        guess=guess,
+        state=mission.start().navigation(),
+        heating=mission.heating_limit_holds,
+        deadline=deadline,
+        verify=verify,
+    )
+
+
+class PropellantMargin:
+    """Compute the propellant that like missions leave; each search begins at the flight before."""
+
+    def __init__(self, deadline: Callable[[], Deadline]):
+        """Store what makes the time limit of a search."""
+        self._deadline = deadline
+        self._known: Solution | None = None
+
+    def of(self, mission: Mission) -> float:
+        """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
+
+        Raises:
+            NoFlight: no flight is found with any propellant.
+        """
+        arcs = mission.arrays().arcs
+        usable = float(arcs[-1]["propellant"])
+        stack = float(arcs["stack_mass"][arcs["stage"] == arcs[-1]["stage"]][0])
+        found = _with_any_propellant(mission, self._deadline(), self._known)
+        if not found.flyable and found.last_burn_kg < _NOTHING_KG:
+            # the burns before it reach the target, if not to the last metre: it takes more
+            return usable
+        if not found.flyable:
+            raise NoFlight(found.reason)
+        self._known = found
+        dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
+        return usable - (stack - dropped - found.m_f_kg)
+
+
 def _flown(
-    mission: Mission, payload: float, above: float, deadline: Callable[[], Deadline]
+    mission: Mission, payload: float, above: float, margin: PropellantMargin
 ) -> tuple[float, float]:
     """Return a payload that flies, the given one or below, and the propellant that it leaves, kg.
 
@@ -67,7 +110,7 @@ def _flown(
         mission: with its masses by item.
         payload: tried first, kg.
         above: least payload to try, kg.
-        deadline: makes the time limit of a search.
+        margin: computes the propellant left.
 
     Raises:
         OptimizerError: no flight is found; one line.
@@ -76,7 +119,7 @@ def _flown(
     for _ in range(_HALVINGS):
         trial = mission.model_copy(update={"payload_kg": payload})
         try:
-            return payload, propellant_left(trial, deadline())
+            return payload, margin.of(trial)
         except NoFlight as error:
             reason = reason or f"payload_kg is {payload:,.1f}: {error}"
         if payload <= above:
@@ -113,11 +156,12 @@ def greatest_payload(
     def deadline() -> Deadline:
         return Deadline(time_limit_s, report)
 
-    low, left_low = _flown(mission, mission.payload_kg, 0.0, deadline)
+    margin = PropellantMargin(deadline)
+    low, left_low = _flown(mission, mission.payload_kg, 0.0, margin)
     high, left_high = math.inf, math.nan
     if left_low < 0.0:
         high, left_high = low, left_low
-        low, left_low = _flown(mission, 0.0, 0.0, deadline)
+        low, left_low = _flown(mission, 0.0, 0.0, margin)
         if not left_low >= 0.0:
             raise OptimizerError(
                 f"payload_kg: the last stage lacks {-left_low:,.1f} kg of propellant without any"
@@ -134,7 +178,7 @@ def greatest_payload(
             # aim at a small remainder of propellant
             middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
         try:
-            middle, there = _flown(mission, middle, low, deadline)
+            middle, there = _flown(mission, middle, low, margin)
         except OptimizerError:
             break
         if there >= 0.0:
@@ -156,35 +200,3 @@ def greatest_payload(
             ),
         )
     return Greatest(best, low, found, left_low if left_low > enough else 0.0)
-
-
-def _with_any_propellant(mission: Mission, deadline: Deadline, verify: bool = False) -> Solution:
-    """Solve a mission whose last stage is nearly all propellant."""
-    return solve(
-        with_more_propellant(mission.arrays()),
-        "auto",
-        state=mission.start().navigation(),
-        heating=mission.heating_limit_holds,
-        deadline=deadline,
-        verify=verify,
-    )
-
-
-def propellant_left(mission: Mission, deadline: Deadline) -> float:
-    """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
-
-    Raises:
-        NoFlight: no flight is found with any propellant.
-    """
-    arrays = mission.arrays()
-    arcs = arrays.arcs
-    usable = float(arcs[-1]["propellant"])
-    stack = float(arcs["stack_mass"][arcs["stage"] == arcs[-1]["stage"]][0])
-    found = _with_any_propellant(mission, deadline)
-    if not found.flyable and found.last_burn_kg < _NOTHING_KG:
-        # the burns before it reach the target, if not to the last metre: it takes more
-        return usable
-    if not found.flyable:
-        raise NoFlight(found.reason)
-    dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
-    return usable - (stack - dropped - found.m_f_kg)

@@ -73,7 +73,8 @@ def solve(
         method: one of `registry.method_names`.
         guess: for the direct methods a :class:`Guess` or an earlier solution; for the
             indirect ones a guess of :func:`ares_optimizer.indirect.solve.solve_indirect` or a
-            solution of any method with costates. None: the built-in guesses.
+            solution of any method with costates; for ``collocation`` and ``auto`` the solution of
+            a like mission, whose evidence counts. None: the built-in guesses.
         state: start, shape (1,), dtype NAVIGATION; None: that of the mission. A boost programme of
             the mission is flown first, and what is left is solved for.
         heating: ``at_jettison``: the limit holds at the jettison of the fairing (the thesis);

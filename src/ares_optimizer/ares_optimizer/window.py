@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.payload import NoFlight, check_last_burn, propellant_left
+from ares_optimizer.payload import NoFlight, PropellantMargin, check_last_burn
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
@@ -91,16 +91,21 @@ def launch_window(
     check_last_burn(mission)
     passage = _passage(mission)
 
+    def deadline() -> Deadline:
+        return Deadline(time_limit_s, report)
+
+    margin = PropellantMargin(deadline)
+
     def lacking(later_s: float) -> float:
         try:
-            deadline = Deadline(time_limit_s, report)
-            return -propellant_left(launched_later(mission, later_s), deadline)
+            return -margin.of(launched_later(mission, later_s))
         except NoFlight:
             return math.inf
 
-    def launch(later_s: float) -> Launch:
+    def launch(later_s: float, known: Launch | None = None) -> Launch:
         then = launched_later(mission, later_s)
-        return Launch(later_s, then, solve(then, "auto", deadline=Deadline(time_limit_s, report)))
+        guess = known.solution if known is not None and known.solution.flyable else None
+        return Launch(later_s, then, solve(then, "auto", guess=guess, deadline=deadline()))
 
     bounds = (passage - _BEFORE_S, passage + _AFTER_S)
     found = minimize_scalar(
@@ -112,11 +117,13 @@ def launch_window(
             f"{bounds[0]:,.0f} to {bounds[1]:,.0f} s after that of the file"
         )
     best = launch(float(found.x))
-    beside = (
-        best if minute == 0 else launch(best.later_s + 60.0 * minute)
-        for minute in range(-minutes, minutes + 1)
-    )
-    return Window(best, tuple(beside))
+    launches = [best]
+    for way in (-1, 1):
+        known = best
+        for minute in range(1, minutes + 1):
+            known = launch(best.later_s + 60.0 * way * minute, known)
+            launches.append(known)
+    return Window(best, tuple(sorted(launches, key=lambda each: each.later_s)))
 
 
 def _passage(mission: Mission) -> float:

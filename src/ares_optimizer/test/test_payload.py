@@ -9,8 +9,7 @@ import pytest
 from ares_models.arrays import MissionArrays
 from ares_models.mission import TEMPLATE, Mission, load_mission, parse_mission
 from ares_optimizer import payload
-from ares_optimizer.deadline import Deadline
-from ares_optimizer.payload import greatest_payload
+from ares_optimizer.payload import PropellantMargin, greatest_payload
 from ares_optimizer.solution import Check, ConstraintCheck, OptimizerError, Status
 from ares_optimizer.solve import solve
 
@@ -50,7 +49,7 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
 ) -> None:
     tried = []
 
-    def left(mission: Mission, _deadline: Deadline) -> float:
+    def left(_margin: PropellantMargin, mission: Mission) -> float:
         """Stand for a vehicle that carries 900 kg, and is not planned from 1,000 kg on."""
         assert mission.payload_kg is not None
         tried.append(mission.payload_kg)
@@ -58,7 +57,7 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
             raise payload.NoFlight("no flight")
         return 0.8 * (900.0 - mission.payload_kg)
 
-    monkeypatch.setattr(payload, "propellant_left", left)
+    monkeypatch.setattr(PropellantMargin, "of", left)
 
     def solved(given: Mission | MissionArrays, *_args: object, **_settings: object) -> object:
         """Stand for a search that finds the flight only with propellant to spare."""
@@ -84,14 +83,14 @@ def test_where_no_flight_is_found_a_smaller_payload_is_tried(
 def test_a_payload_beyond_which_no_flight_is_found_comes_with_what_it_leaves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def left(mission: Mission, _deadline: Deadline) -> float:
+    def left(_margin: PropellantMargin, mission: Mission) -> float:
         """Stand for a vehicle that carries 900 kg, and is not planned from 700 kg on."""
         assert mission.payload_kg is not None
         if mission.payload_kg >= 700.0:
             raise payload.NoFlight("no flight")
         return 0.8 * (900.0 - mission.payload_kg)
 
-    monkeypatch.setattr(payload, "propellant_left", left)
+    monkeypatch.setattr(PropellantMargin, "of", left)
     monkeypatch.setattr(payload, "solve", lambda *_args, **_settings: Found(flyable=True))
     greatest = greatest_payload(load_mission(TEMPLATE))
     assert 690.0 < greatest.payload_kg < 700.0

@@ -46,6 +46,20 @@ def test_best_time_is_right_to_its_accuracy(station: Window) -> None:
     assert station.best.final_mass_kg > max(beside)
 
 
+def test_a_launch_beside_a_known_one_begins_at_its_flight(station: Window) -> None:
+    later = launched_later(station.best.mission, 90.0)
+    alone, beside = (solve(later, "auto", guess=each) for each in (None, station.best.solution))
+    assert beside.converged
+    assert beside.m_f_kg == pytest.approx(alone.m_f_kg, rel=1e-7)
+    assert beside.iterations < 0.5 * alone.iterations
+    assert beside.restarts == 0
+
+
+def test_the_solution_of_another_sequence_is_no_guess(station: Window) -> None:
+    with pytest.raises(OptimizerError, match="solution with 0 free arcs before the last one; "):
+        solve(load_mission("falcon9_gto_pad"), "auto", guess=station.best.solution)
+
+
 @pytest.mark.parametrize("name", [STATION, "delta_iii_pad"])
 def test_later_launch_turns_the_site_and_keeps_the_plane(name: str) -> None:
     mission = load_mission(name)

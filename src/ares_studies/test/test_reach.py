@@ -43,6 +43,18 @@ def test_a_flight_through_wind_is_asked_about_too():
     assert 0.995 * good.m_f_kg < flown["mass"] < good.m_f_kg
 
 
+def test_the_optimum_knows_the_wind_of_the_day_but_no_turbulence():
+    mission = load_mission("delta_iii_pad")
+    wind = {"table": [[0.0, 5.0, 5.0], [12_000.0, 10.0, 10.0]]}
+    stirred = {"table": [[0.0, 3.0, 3.0], [15_000.0, 3.0, 3.0]]}
+    calm, windy, turbulent = (
+        reach(Settings(mission, Dispersions(**drawn)), 0).m_f_kg
+        for drawn in ({}, {"wind": wind}, {"wind": wind, "turbulence": stirred})
+    )
+    assert windy == turbulent
+    assert abs(windy - calm) > 0.1
+
+
 def test_a_pad_is_where_it_is_whatever_navigation_says():
     mission = load_mission("delta_iii_pad")
     drawn = Dispersions(navigation={"position_bias_m": {"mean": -300.0}})

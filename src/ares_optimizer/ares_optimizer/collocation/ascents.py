@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from ares_models.arrays import (
     COAST,
@@ -45,11 +46,17 @@ from ares_optimizer.collocation.pilot import (
     plane_from_ground,
 )
 from ares_optimizer.collocation.points import FoundOptimum, lowest_in, times_of
-from ares_optimizer.collocation.search import Search
+from ares_optimizer.collocation.search import LEAST_MET, Search
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.collocation.variables import node_times
-from ares_optimizer.plan import free_arcs, last_begin, with_more_propellant
+from ares_optimizer.plan import (
+    free_arcs,
+    last_begin,
+    waiting_for_heating,
+    with_more_propellant,
+)
 from ares_optimizer.results import SAME_LENGTH, jettison_times
+from ares_optimizer.solution import OptimizerError, Solution
 
 #: Most starts of a search.
 _MOST_STARTS = 12
@@ -421,14 +428,62 @@ def track_of(ascent: FoundOptimum) -> Array:
     for c in range(3):
         direction = np.interp(times, times[at], x[guided["control"] + c])
         track[:, rollout.DIRECTION + c] = direction
-    environment = program.arrays.environment[0]
-    track[:, rollout.ALTITUDE] = [altitude(tuple(r), environment) for r in states[:, :3].tolist()]
-    rates = [
-        heating_rate(tuple(y[:3]), tuple(y[3:]), environment, program.arrays.atmosphere)
-        for y in states.tolist()
-    ]
-    track[:, rollout.LOG_HEATING] = np.log(np.maximum(rates, _NO_HEATING_W_M2))
+    _add_air(track, program.arrays)
     points = program.points
     track[points["node"] + points["number"], rollout.ARC] = program.segments["arc"][points["phase"]]
     track[0, rollout.ARC] = program.segments["arc"][0]
     return track
+
+
+def _add_air(track: Array, arrays: MissionArrays) -> None:
+    """Fill in the altitudes and heating of a track."""
+    environment = arrays.environment[0]
+    places = [tuple(r) for r in track[:, rollout.POSITION : rollout.VELOCITY].tolist()]
+    speeds = [tuple(v) for v in track[:, rollout.VELOCITY : rollout.DIRECTION].tolist()]
+    track[:, rollout.ALTITUDE] = [altitude(r, environment) for r in places]
+    rates = [
+        heating_rate(*state, environment, arrays.atmosphere)
+        for state in zip(places, speeds, strict=True)
+    ]
+    track[:, rollout.LOG_HEATING] = np.log(np.maximum(rates, _NO_HEATING_W_M2))
+
+
+def try_known(search: Search) -> None:
+    """Solve from the solution of a like mission, if the request has one, turned to the start.
+
+    The starts that led to it count for what it leads to.
+
+    Args:
+        search: it may get a solution.
+
+    Raises:
+        OptimizerError: the mission of that solution has other free arcs.
+    """
+    known, start = search.request.guess, search.start[0]
+    if not isinstance(known, Solution):
+        return
+    free, flight = len(free_arcs(search.arrays, start)), known.trajectory
+    if flight is None or len(known.lengths_s) != free:
+        raise OptimizerError(
+            f"guess is a solution with {len(known.lengths_s)} free arcs before the last one; "
+            f"expected {free}, and a trajectory"
+        )
+    track = np.zeros((len(flight.time_s), rollout.TRACK_COLUMNS))
+    track[:, rollout.TIME] = flight.time_s
+    here, there = (math.atan2(r[1], r[0]) for r in (start["position"], flight.position[0]))
+    turn = Rotation.from_euler("z", here - there)
+    for at, vectors in (
+        (rollout.POSITION, flight.position),
+        (rollout.VELOCITY, flight.velocity),
+        (rollout.DIRECTION, flight.direction),
+    ):
+        track[:, at : at + 3] = turn.apply(vectors)
+    begins = [flown.start_s for flown in known.flown]
+    arcs = np.array([flown.arc for flown in known.flown])
+    track[:, rollout.ARC] = arcs[np.searchsorted(begins, flight.time_s, side="right") - 1]
+    _add_air(track, search.arrays)
+    waiting = waiting_for_heating(search.arrays, start)
+    drops = np.array([known.jettison_times_s[j] for j in waiting])
+    times = FreeTimes(np.array(known.lengths_s), known.t_meco_s, drops)
+    met = LEAST_MET if known.converged else 1
+    search.try_start(TrialFlight(times, track, 0.0, limited=True, met=met))

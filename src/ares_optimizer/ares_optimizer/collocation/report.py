@@ -24,7 +24,7 @@ from ares_optimizer.collocation.points import (
     times_of,
 )
 from ares_optimizer.collocation.refine import PRESSURE_CHECKS, SAG, Proven, allowed_spread
-from ares_optimizer.collocation.search import SAME_MASS, Search
+from ares_optimizer.collocation.search import LEAST_MET, SAME_MASS, Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.collocation.variables import node_times
@@ -60,8 +60,6 @@ from ares_optimizer.targets import in_unit, target_rows
 METHOD = "collocation"
 #: Note of a solution: number of local optima that the starts led to.
 LOCAL_OPTIMA = "collocation_valleys"
-#: Least number of starts that led to a solution called optimal.
-_LEAST_MET = 2
 #: Relative difference of the masses at the end of a program and of its verification.
 _SAME_END = 1e-6
 #: Altitude above a floor within which it is active, m.
@@ -302,7 +300,7 @@ def verdict_of(
         return Cause(Status.FEASIBLE, "the best length of a coast was not found")
     # on fine intervals, where floors and limits hold between the coarse ones too, the mass differs
     met = max(search.again, search.led_to(proven.found.m_f_kg))
-    if search.starts > 1 and met < _LEAST_MET:
+    if search.starts > 1 and met < LEAST_MET:
         return Cause(
             Status.FEASIBLE,
             f"only one of {search.starts} first guesses led here: there may be a better flight",

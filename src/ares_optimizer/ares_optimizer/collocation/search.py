@@ -60,6 +60,8 @@ _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
 _VANISHED_S = 1.0
 _FAILED = 1
+#: Least number of starts that led to a solution called optimal.
+LEAST_MET = 2
 #: Miss of a trial flight beyond which a start mostly fails, slowly.
 _FAR_OFF = 0.3
 #: Miss of a trial flight that ends at the target.

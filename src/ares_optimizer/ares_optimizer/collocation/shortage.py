@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ares_models.arrays import COAST
-from ares_optimizer.collocation.ascents import first_guesses
+from ares_optimizer.collocation.ascents import first_guesses, try_known
 from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import Search
@@ -60,7 +60,9 @@ def short_of_propellant(search: Search) -> Shortage | None:
     more = Search(arrays, search.start, search.floors, search.request)
     free = arcs[free_arcs(arrays, search.start[0])]
     alone = not (free["kind"] == COAST).any()
-    try_throttle_bucket(more)
+    try_known(more)
+    if more.best is None:
+        try_throttle_bucket(more)
     for trial in first_guesses(more) if more.best is None else ():
         if search.request.deadline.passed or (more.best is None and more.starts == _MOST_UNMET):
             break

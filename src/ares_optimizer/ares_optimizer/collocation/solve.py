@@ -11,6 +11,7 @@ from ares_optimizer.collocation.ascents import (
     first_guesses,
     try_coast_to_apogee,
     try_free_node,
+    try_known,
     try_lower_coast,
     try_other_plane,
 )
@@ -56,12 +57,16 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     floors = floors_of(arrays, start)
     search = Search(arrays, start, floors, request)
     short: Shortage | None = None
-    try_throttle_bucket(search)
+    try_known(search)
+    if search.starts and search.best is None and beat_kg is None:
+        short = short_of_propellant(search)
+    if search.best is None and short is None:
+        try_throttle_bucket(search)
     # other first guesses do not know where the pressure is high
-    throttled = search.best is not None
+    known = search.best is not None
     if slowly := raises_slowly(arrays, start):
         try_divided_burn(search)
-    for trial in () if throttled or search.is_conclusive else first_guesses(search):
+    for trial in () if known or search.is_conclusive else first_guesses(search):
         if request.deadline.passed or search.is_conclusive or (short and short.sure):
             break
         if search.best is not None and request.deadline.share_passed > _SEARCHED:
@@ -77,7 +82,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     try_coast_to_apogee(search)
     try_lower_coast(search)
     try_other_plane(search)
-    if search.best is None and search.starts < _UNMET and beat_kg is None:
+    if search.best is None and short is None and search.starts < _UNMET and beat_kg is None:
         short = short_of_propellant(search)
     cause = short.cause if short else search.failure()
     best = search.best

@@ -10,9 +10,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from ares_guidance.laws import find_law
 from ares_models.plans import flies_in_air
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
+from ares_studies.closed_loop import plan_solution
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.table import Verdict
 from ares_vehicle_sim.simulator import true_vehicle
@@ -46,7 +48,9 @@ class Reach:
 
 
 def reach(settings: Settings, flight: int) -> Reach:
-    """Solve for the optimum of a campaign's flight; in the air with its wind, without its gust.
+    """Solve for the optimum of a campaign's flight.
+
+    The wind is that of the flight without gust and turbulence, whose turns no plan can know.
 
     Args:
         settings: of the campaign.
@@ -56,17 +60,17 @@ def reach(settings: Settings, flight: int) -> Reach:
         DispersionsError: the dispersions do not fit the mission; one line.
     """
     mission = settings.mission
-    true, vehicle = true_vehicle(
-        mission, settings.options, settings.dispersions, settings.seed, flight
-    )
-    true.environment["wind"]["gust_length"] = 0.0
+    steady = settings.dispersions.model_copy(update={"gust": None, "turbulence": None})
+    true, vehicle = true_vehicle(mission, settings.options, steady, settings.seed, flight)
     state = vehicle.navigation.copy()
     for name in ("position", "velocity", "mass"):
         state[name] = vehicle.plant[name]
+    in_air = flies_in_air(true.arcs)
     try:
         optimum = solve(
             true,
-            "collocation" if flies_in_air(true.arcs) else "indirect",
+            "collocation" if in_air else "indirect",
+            guess=plan_solution(mission, find_law(settings.law)) if in_air else None,
             state=state,
             heating=mission.heating_limit_holds,
             time_limit_s=TIME_LIMIT,
