@@ -17,8 +17,9 @@ from ares_bringup.commands.optimize import constraint_table, proof_facts
 from ares_bringup.commands.optimum_page import constraint_table as page_table
 from ares_bringup.report import console
 from ares_models.mission import MISSION, TEMPLATE, load_mission
-from ares_optimizer.solution import Check, ConstraintCheck
+from ares_optimizer.solution import Cause, Check, ConstraintCheck, Status, failed
 from ares_optimizer.solve import solve
+from ares_optimizer.window import Launch, Window
 from ares_studies.pages.parts import BLANK, MINUS
 
 #: The second of its three stages burns in held attitude.
@@ -224,6 +225,16 @@ def test_launch_window_is_a_table_or_one_object(capsys, monkeypatch):
     assert found["best"]["cost_kg"] == 0.0
     # the published node is that of a launch at the best time, to the minute
     assert abs(found["best"]["after_file_s"]) < 60.0
+
+
+def test_a_reason_in_the_table_of_a_window_leaves_the_other_columns_whole(capsys, monkeypatch):
+    mission, reason = load_mission("falcon9_iss_pad"), "propellant: " + 30 * "too little "
+    short = failed("collocation", Cause(Status.INFEASIBLE, reason))
+    launch = Launch(0.0, mission, short)
+    monkeypatch.setattr(launch_window, "launch_window", lambda *_: Window(launch, (launch,)))
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["optimize", "--mission", "falcon9_iss_pad", "--window", "1"]) == 4
+    assert f"0    {mission.epoch.isoformat(timespec='milliseconds')}" in capsys.readouterr().out
 
 
 def test_launch_window_goes_with_no_other_search(capsys):

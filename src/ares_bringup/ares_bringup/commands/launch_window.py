@@ -73,6 +73,9 @@ def _print(mission: Mission, found: Window) -> None:
         out.print(f"  {key}: {best[key]}")
     out.print()
     table = plain_table("min", moved[0], "final mass kg", "costs kg", "")
+    # what does not fit is a reason
+    for column in table.columns[:-1]:
+        column.no_wrap = True
     for launch in found.launches:
         facts = _facts(launch, found.best)
         minute = round(facts["after_best_s"] / 60.0)
