@@ -60,6 +60,8 @@ _TILT_S = 10.0
 _AT_REST_M_S = 1e-3
 #: Least exponent.
 _LEAST_POWER = 0.05
+#: Part of a step that is rounding.
+_WHOLE = 1e-6
 
 
 @kernel
@@ -141,7 +143,7 @@ def fly_track(
         mission: its records.
         times: of the timetable.
         laws: shape (arcs, LAW_COLUMNS).
-        step: longest step, s.
+        step: longest step, s; of a coast, near the ground.
         segments: dtype SEGMENT, shape (MAX_SEGMENTS,), written.
         layout: dtype LAYOUT, shape (1,), written.
         track: shape (n, TRACK_COLUMNS), written.
@@ -157,13 +159,11 @@ def fly_track(
     for i in range(count):
         segment = segments[i]
         law = laws[segment.arc]
-        length = segment.end - segment.start
-        steps = max(1, int(math.ceil(min(length / step, 1e6))))
-        h = length / steps
-        for k in range(steps + 1):
+        coasting = segment.thrust <= 0.0 and segment.thrust_slope <= 0.0
+        t = segment.start
+        while True:
             if rows >= track.shape[0]:
                 return 0
-            t = segment.start + k * h
             track[rows, TIME] = t
             u = thrust_direction(law, t, r, v, environment)
             if mission.arcs[segment.arc].vertical == 1:
@@ -181,8 +181,15 @@ def fly_track(
             rows += 1
             if law[FRAME] == BY_PROGRAMME and is_over(t, r, v, segment.arc, environment):
                 return rows
-            if k == steps:
+            left = segment.end - t
+            if left <= 0.0:
                 break
+            longest = step
+            if coasting:
+                # as long as they are near the ground, by the angle swept
+                longest *= max(1.0, norm(r) / environment.equatorial_radius) ** 1.5
+            steps = math.ceil(left / longest - _WHOLE)
+            h = left / max(1.0, steps)
             a1 = acceleration(segment, law, mission, t, r, v)
             v2 = axpy(0.5 * h, a1, v)
             a2 = acceleration(segment, law, mission, t + 0.5 * h, axpy(0.5 * h, v, r), v2)
@@ -192,4 +199,5 @@ def fly_track(
             a4 = acceleration(segment, law, mission, t + h, axpy(h, v3, r), v4)
             r = axpy(h / 6.0, add(add(v, scale(2.0, v2)), add(scale(2.0, v3), v4)), r)
             v = axpy(h / 6.0, add(add(a1, scale(2.0, a2)), add(scale(2.0, a3), a4)), v)
+            t = t + h if steps > 1.0 else segment.end
     return rows
