@@ -6,6 +6,7 @@ import os
 import pty
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -651,6 +652,22 @@ def of_fresh_clone(clone, *words):
 
 def test_a_fresh_clone_has_a_version(fresh_clone):
     assert of_fresh_clone(fresh_clone, "--version") == (0, f"ares {workspace.version(ROOT)}\n", "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("module", ["workspace.py", "ares_bringup"])
+def test_a_signal_while_python_starts_is_no_traceback(module, number):
+    with subprocess.Popen([ROOT / "ares", "optimize"], stderr=subprocess.PIPE, text=True) as process:
+        about = Path(f"/proc/{process.pid}")
+        while module not in (about / "cmdline").read_text():
+            assert process.poll() is None
+        while "SigBlk:\t0000000000004002" not in (about / "status").read_text():
+            assert process.poll() is None
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    # SIGTERM ends the preparation itself without a word
+    assert process.returncode in (128 + number, -signal.SIGTERM)
+    assert err == "" or (err.startswith("ares: interrupted") and err.count("\n") == 1)
 
 
 VERBS_OF_THE_COMMAND = [

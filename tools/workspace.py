@@ -19,10 +19,16 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+#: What ends the command; blocked while Python starts, since it would print a traceback.
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+if __name__ == "__main__":
+    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / name) for name in ("tools", "src/ares_models", "src/ares_bringup")]
@@ -196,6 +202,8 @@ def main(arguments: list[str]) -> int:
         if not found:
             raise WorkspaceError(f"exec: no command {rest[0]!r} in the prepared environment")
         command = [found, *rest[1:]]
+    else:
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     if sys.stdout is not None:
         sys.stdout.flush()
     os.execve(command[0], command, environment)
@@ -203,6 +211,7 @@ def main(arguments: list[str]) -> int:
 
 if __name__ == "__main__":
     try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         sys.exit(main(sys.argv[1:]))
     except (WorkspaceError, OSError) as problem:
         say(str(problem))

@@ -59,7 +59,10 @@ def report_interrupt(kept: str = "") -> None:
 
 
 def end_at_once() -> None:
-    """Let a signal end the process at once, until the command line has started."""
+    """Let a signal end the process at once, until the command line has started.
+
+    So does one that came while Python started, when `./ares` blocks them.
+    """
 
     def end(number: int, _: FrameType | None) -> None:
         report_interrupt()
@@ -67,6 +70,7 @@ def end_at_once() -> None:
 
     for number in _SIGNALS:
         signal.signal(number, end)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
 
 def leave_the_end_alone() -> None:
