@@ -88,7 +88,7 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
         raise BagError(f"bag {path}: no message can be saved ({error})") from error
     findings = found.result.findings
     if not findings:
-        raise BagError(f"bag {path} is complete; nothing to repair")
+        raise BagError(f"bag {path} is not damaged; nothing to repair")
     problem = findings[0] if len(findings) == 1 else f"{findings[0]}, and {len(findings) - 1} more"
     source = path if path.is_dir() else file.with_suffix("")
     target = Path(output) if output is not None else source.with_name(f"{source.name}_repaired")

@@ -162,7 +162,7 @@ def test_every_damaged_byte_is_one_line(tmp_path: Path) -> None:
 
 def test_nothing_to_repair_and_nothing_to_save(tmp_path: Path) -> None:
     whole = write_bag(tmp_path / "whole", 10)
-    with pytest.raises(BagError, match="is complete; nothing to repair"):
+    with pytest.raises(BagError, match="is not damaged; nothing to repair"):
         repair(whole)
     (tmp_path / "empty.mcap").touch()
     with pytest.raises(BagError, match=r"empty\.mcap: no message can be saved .*is empty"):
