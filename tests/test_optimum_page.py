@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ares_bringup.commands.cli import main
+from ares_models.mission import read_mission
 from ares_studies.flight_page.optimum import _passed
 from ares_trials.testing.pages import illegible
 
@@ -131,6 +132,17 @@ def test_the_words_of_marks_that_lie_close_are_all_there_and_apart(open_file, tm
         assert not illegible(page, size)
         shown = page.locator(".plot").first.locator(".annotation-text").all_text_contents()
         assert shown == [word for word in words if word]
+
+
+def test_a_flight_with_other_numbers_is_told(tmp_path, capfd):
+    edited = tmp_path / "edited.yaml"
+    edited.write_text(read_mission("ares_v")[1].replace("1227734.0", "1227733.0"))
+    words = ("--mission", str(edited), "--out", str(tmp_path / "p.html"))
+    capfd.readouterr()
+    assert main(["optimize", "--json", *words, "--beside", str(REFERENCE)]) == 0
+    assert capfd.readouterr().err.endswith(
+        f"ares: {REFERENCE}: ares_v has other numbers now than it was flown with\n"
+    )
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 """Compose the page of an optimum: the parts of a flight's page, and the proof. No ROS."""
 
 import math
+import sys
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -62,6 +63,11 @@ def write_page(
     if flown is not None and flown.mission.name != mission.name:
         raise CannotStart(
             f"--beside is a flight of {flown.mission.name!r}; expected one of {mission.name!r}"
+        )
+    if flown is not None and flown.mission.digest != mission.digest:
+        print(
+            f"ares: {flown.path}: {mission.name} has other numbers now than it was flown with",
+            file=sys.stderr,
         )
     recording = record_optimum(LAW, mission, solution)
     flights = [make_flight(recording)]
