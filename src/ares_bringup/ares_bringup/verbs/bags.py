@@ -54,7 +54,10 @@ def bag_info(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Say what a bag holds, and whether it is whole. Exit status 1: it is damaged."""
+    """Say what a bag holds, and whether it is whole.
+
+    Exit status 0: not damaged; 1: damaged; 2: not a bag, or one without an end.
+    """
     from ares_bringup.commands.bags import show_bag
 
     raise typer.Exit(show_bag(bag, as_json))
@@ -67,7 +70,7 @@ def bag_verify(
 ) -> None:
     """Check every checksum, index and count, decode every message.
 
-    Exit status 0: all is well; 1: damaged; 2: not a bag.
+    Exit status 0: not damaged; 1: damaged; 2: not a bag.
     """
     from ares_bringup.commands.bags import verify_bag
 
