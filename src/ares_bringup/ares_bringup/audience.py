@@ -57,7 +57,7 @@ def page_parameters(
     try:
         port = free_port(live.host, live.port)
     except AddressError as error:
-        raise CannotStart(f"--live-{error}") from error
+        raise CannotStart(f"--{live.prefix}{error}") from error
     return {
         "flight_id": flight_id,
         "mission": mission,

@@ -120,12 +120,14 @@ class LiveOptions:
         browser: open the page.
         watched: start the flight when the page is open, or after a time limit, and serve the
             page until it is closed: for a person at a terminal.
+        prefix: of the options `host` and `port` on the command line.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     browser: bool = False
     watched: bool = False
+    prefix: str = "live-"
 
 
 @dataclass(frozen=True)

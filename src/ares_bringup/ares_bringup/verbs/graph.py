@@ -4,6 +4,7 @@
 import os
 import signal
 import sys
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -48,7 +49,7 @@ def live(
     needs("live")
     from ares_bringup.audience import follow
 
-    page = live_options(host, port, no_browser, False)
+    page = replace(live_options(host, port, no_browser, False), prefix="")
     follow(page, mission, namespace, domain_id)
 
 
