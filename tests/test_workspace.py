@@ -657,7 +657,8 @@ def test_a_fresh_clone_has_a_version(fresh_clone):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("module", ["workspace.py", "ares_bringup"])
 def test_a_signal_while_python_starts_is_no_traceback(module, number):
-    with subprocess.Popen([ROOT / "ares", "optimize"], stderr=subprocess.PIPE, text=True) as process:
+    command = [ROOT / "ares", "optimize"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         about = Path(f"/proc/{process.pid}")
         while module not in (about / "cmdline").read_text():
             assert process.poll() is None
