@@ -92,6 +92,23 @@ with Interrupts() as interrupts:
 sys.exit(interrupts.status(0))
 """
 
+#: As in the callback of a binding that prints what it raises, by PyErr_Print, and goes on.
+IN_A_CALLBACK = """
+import sys
+import time
+
+from ares_bringup.commands.interrupts import Interrupts
+
+with Interrupts() as interrupts:
+    try:
+        print("ready", flush=True)
+        time.sleep(600.0)
+    except KeyboardInterrupt:
+        sys.excepthook(*sys.exc_info())
+        print("in order", flush=True)
+sys.exit(interrupts.status(0))
+"""
+
 #: As where a dataclass is made.
 IN_AN_EXECUTED_TEXT = """
 import sys
@@ -226,6 +243,12 @@ def test_in_a_text_that_is_executed(tmp_path, number):
 def test_where_nothing_can_be_raised(tmp_path, number):
     status, out, err = interrupted(tmp_path, WHERE_NOTHING_CAN_BE_RAISED, number)
     assert (status, out, err) == (128 + number, "", "ares: interrupted; nothing was written\n")
+
+
+@pytest.mark.parametrize("number", EITHER)
+def test_in_a_callback_of_compiled_code(tmp_path, number):
+    status, out, err = interrupted(tmp_path, IN_GOOD_ORDER + IN_A_CALLBACK, number)
+    assert (status, out, err) == (128 + number, "in order\n", "")
 
 
 @pytest.mark.parametrize("number", EITHER)

@@ -113,8 +113,8 @@ class Interrupts:
         self._readable, self._writable = os.pipe()
         os.set_blocking(self._writable, False)
         self._former_fd = signal.set_wakeup_fd(self._writable, warn_on_full_buffer=False)
-        self._former_hook = sys.unraisablehook
-        sys.unraisablehook = self._on_unraisable
+        self._former_hook, self._former_excepthook = sys.unraisablehook, sys.excepthook
+        sys.unraisablehook, sys.excepthook = self._on_unraisable, self._on_exception
         self._thread = threading.Thread(target=self._listen, name="interrupts", daemon=True)
         self._thread.start()
         self._former = {number: signal.getsignal(number) for number in _SIGNALS}
@@ -139,7 +139,7 @@ class Interrupts:
             return kind is not None and issubclass(kind, Exception)
         for number, handler in self._former.items():
             signal.signal(number, handler)
-        sys.unraisablehook = self._former_hook
+        sys.unraisablehook, sys.excepthook = self._former_hook, self._former_excepthook
         os.write(self._writable, b"\0")
         self._thread.join()
         os.close(self._readable)
@@ -167,6 +167,13 @@ class Interrupts:
         # half made: ignored, since the command ends anyway
         if not self._number:
             self._former_hook(unraisable)
+
+    def _on_exception(
+        self, kind: type[BaseException], error: BaseException, trace: TracebackType | None
+    ) -> None:
+        # the same, of compiled code that prints what its callback raises, as IPOPT's binding does
+        if not self._number:
+            self._former_excepthook(kind, error, trace)
 
     def _listen(self) -> None:
         number = 0
