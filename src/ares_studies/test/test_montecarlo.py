@@ -775,6 +775,12 @@ def test_a_campaign_from_the_pad_tells_its_loads(tmp_path, hundred):
     kept = summary.loads["max_q_pa"].kept
     assert shown.rows[1].cells[-1].text == f"{kept}\u00a0of\u00a060"
     assert np.ptp([row["draw_gust_azimuth_deg"] for row in rows]) > 180.0
+    # the fall of a flight that meets the ground is no load of the ascent
+    rows[0] |= {"outcome": Verdict.IMPACT, "max_q_pa": 1e6}
+    pq.write_table(pa.Table.from_pylist(rows, table.schema), tmp_path / "fallen.parquet")
+    found = summarize(tmp_path / "fallen.parquet", 1.0).loads["max_q_pa"]
+    assert found.most == max(row["max_q_pa"] for row in rows[1:])
+    assert found.limited == 60
     # above the air there is none
     assert hundred["max_q_pa"].null_count == hundred["max_q_alpha_of_limit"].null_count == 100
     path = tmp_path / "vacuum.parquet"

@@ -18,7 +18,7 @@ from scipy import stats
 
 from ares_studies.montecarlo.footprints import Footprint, Footprints
 from ares_studies.montecarlo.store import GROUP
-from ares_studies.montecarlo.table import DRAWN, FLAGS
+from ares_studies.montecarlo.table import DRAWN, FLAGS, Verdict
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -189,7 +189,7 @@ class Load:
     """Hold the greatest values of a load of the air, one a flight.
 
     Attributes:
-        mean, most: over the flights.
+        mean, most: over the flights that do not meet the ground.
         bound: upper bound in RESERVE_SHARE of flights with RESERVE_CONFIDENCE; nan: too few.
         limited: flights with a limit.
         kept: those of them within ALLOWED of it.
@@ -222,10 +222,11 @@ class _LoadTally:
             self._kept += int(np.count_nonzero(shares <= ALLOWED))
             self._worst = float(np.fmax(self._worst, shares.max()))
 
-    def load(self, rank: int) -> Load | None:
-        """Return the load, its bound being the value of a rank; None: no flight has it."""
+    def load(self) -> Load | None:
+        """Return the load; None: no flight has it."""
         if not self._count:
             return None
+        rank = bound_rank(self._count)
         bound = self._tail.largest(rank) if rank else math.nan
         mean, most = self._sum / self._count, self._tail.largest(1)
         return Load(mean, most, bound, self._limited, self._kept, self._worst)
@@ -356,7 +357,7 @@ def summarize(path: Path, nominal_kg: float, footprints: Footprints | None = Non
         loads={
             name: load
             for name, tally in gathered.loads.items()
-            if (load := tally.load(rank)) is not None
+            if (load := tally.load()) is not None
         },
         histograms=histograms,
         influences={name: _influences(gathered.sample, name) for name in TOLD},
@@ -386,8 +387,10 @@ class _Gathered:
         used = table["propellant_used_kg"].to_numpy()
         arrived = table["terminal_accuracy"].to_numpy()
         self.tail.add(np.where(arrived, used, np.inf))
+        # who falls to the ground meets the greatest loads there
+        ascents = table["outcome"].to_numpy() != Verdict.IMPACT
         for name, share in LOADS.items():
-            self.loads[name].add(table[name].to_numpy(), table[share].to_numpy())
+            self.loads[name].add(table[name].to_numpy()[ascents], table[share].to_numpy())
         good = table["succeeded"].to_numpy()
         for name in HISTOGRAMS:
             values = table[name].to_numpy()
