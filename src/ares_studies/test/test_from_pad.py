@@ -49,6 +49,7 @@ from ares_studies.flight_page.optimum import record_optimum
 from ares_trials.random_launchers import random_launcher
 from ares_trials.testing.arrivals import judged
 from ares_trials.testing.samples import one_in
+from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 pytestmark = pytest.mark.long
@@ -529,14 +530,38 @@ def test_a_coast_that_begins_in_the_ascent_may_begin_in_the_air():
         greatest_payload(mission)
 
 
-def test_solids_with_a_free_coast_between_them():
+@pytest.fixture(scope="module")
+def solids():
     mission = load_mission(MISSIONS / "vega_sso_pad.yaml")
-    plan = solve(mission, "auto")
+    return mission, solve(mission, "auto")
+
+
+def test_solids_with_a_free_coast_between_them(solids):
+    mission, plan = solids
     assert plan.converged
     assert plan.m_f_kg == pytest.approx(1818.571, abs=0.01)
     # the solids have energy to spare: the fairing is no ballast
     ignition = next(arc.start_s for arc in plan.flown if mission.arc_names[arc.arc] == "Zefiro 9")
     assert plan.jettison_times_s[0] < ignition + 0.1
+
+
+@pytest.mark.parametrize("law", ["peg", "optimal"])
+def test_a_planned_burn_of_next_to_no_length_asks_for_no_turn(solids, law):
+    mission, plan = solids
+    burn = next(arc for arc in plan.flown if mission.arc_names[arc.arc] == "AVUM first burn")
+    assert burn.end_s - burn.start_s < 0.01
+    end = flown(mission, plan, law)
+    assert judged(mission, end).end is End.TARGET
+    assert float(end["mass"]) > 0.9995 * plan.m_f_kg
+
+
+@pytest.mark.parametrize("flight", [1, 3, 4])
+def test_little_thrust_makes_up_for_what_weak_solids_lack(solids, flight):
+    mission, plan = solids
+    dispersed = fly_compiled(
+        mission, dispersions=Dispersions(thrust=0.005), flight=flight, law=ready(mission, plan)
+    )
+    assert judged(mission, dispersed.plant).end is End.TARGET
 
 
 def test_the_attitude_is_steady_where_the_thrust_tails_off():

@@ -80,6 +80,8 @@ from ares_models.kernels.vectors import (
 CUTOFF_SEARCH_STEPS = 4
 #: Largest change of the cut-off in the last of these steps, s; a larger one means divergence.
 CUTOFF_SETTLED = 0.1
+#: Largest rate of the direction vector that is commanded, 1/s.
+FASTEST = 1.0
 #: Step of the finite difference of the target speed along the flight, s.
 DIFFERENCE = 0.1
 
@@ -160,6 +162,9 @@ def accept(onboard: Onboard) -> None:
     """Copy the solution under iteration to the steering that is commanded."""
     solution = onboard.state.solution
     steering = onboard.steering
+    if norm(load(solution.direction_rate)) > FASTEST:
+        # of a burn of next to no length
+        store(solution.direction_rate, (0.0, 0.0, 0.0))
     steering.reference_time = solution.reference_time
     store(steering.direction, load(solution.direction))
     store(steering.direction_rate, load(solution.direction_rate))

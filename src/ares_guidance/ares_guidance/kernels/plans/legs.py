@@ -21,17 +21,22 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.laws.start import start_guess
+from ares_guidance.kernels.monitors.engines import present_engine
 from ares_models.arrays import COAST, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.coast import coast
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.sequence import mass_at_staging
+from ares_models.kernels.targets import target_speed
 from ares_models.kernels.vectors import add, cross, dot, load, norm, scale, store, sub, unit
 
-#: Largest difference of a leg's first solution from its planned end, as a fraction of the leg.
+#: Largest difference of a leg's first solution from its planned end, as a fraction of the leg's
+#: length, or of the speed that is still to be gained.
 ALLOWED_SHARE = 0.1
 #: Least length of the mean of two directions that is usable as a direction.
 LEAST_MEAN = 0.15
+#: Least length of a leg that turns, s.
+LEAST_TURN = 1.0
 #: Newton steps to the time at which a coast passes a place.
 PLACE_STEPS = 6
 #: Time before an ignition from which a burn after an ascent through the air is aimed, s.
@@ -274,7 +279,9 @@ def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
 def check_first(mission: MissionRecords, onboard: Onboard, last: int) -> None:
     """Reject the first solution of a leg if it ends far from the planned time.
 
-    A long burn has more than one solution. The last leg accepts any, because nothing follows it.
+    A long burn has more than one solution. A last burn of little thrust makes up for what the
+    stages before it lack, which takes it long. The last leg accepts any, because nothing follows
+    it.
 
     Args:
         mission: the leg as a mission.
@@ -283,8 +290,15 @@ def check_first(mission: MissionRecords, onboard: Onboard, last: int) -> None:
     """
     state = onboard.state
     leg = state.leg
-    planned = leg.navigation.time + leg.time_to_go
-    allowed = max(ALLOWED_SHARE * (planned - leg.begin), onboard.settings.time_to_go_jump_limit)
+    nav = leg.navigation
+    arc = leg.arcs[leg.count - 1]
+    planned = nav.time + leg.time_to_go
+    ve, mass_flow = present_engine(arc, arc.stage, state)
+    mu, r = mission.environment.mu, norm(load(nav.position))
+    to_gain = abs(target_speed(leg.target, mu, r) - norm(load(nav.velocity)))
+    burns = to_gain * min(nav.mass, arc.stack_mass) / (ve * mass_flow)
+    allowed = ALLOWED_SHARE * max(planned - leg.begin, burns)
+    allowed = max(allowed, onboard.settings.time_to_go_jump_limit)
     if leg.count <= last and abs(onboard.steering.cutoff_time - planned) > allowed:
         state.error = ERROR_TIME_TO_GO_JUMP
         state.phase = PHASE_CONVERGING
@@ -308,7 +322,9 @@ def steer_by_plan(leg: Record) -> None:
     steering = leg.steering
     steering.reference_time = leg.begin + 0.5 * length
     store(steering.direction, unit(mean))
-    store(steering.direction_rate, scale(1.0 / (length * norm(mean)), sub(last, first)))
+    # what ends before the next cycle does not turn
+    rate = 1.0 / (length * norm(mean)) if length > LEAST_TURN else 0.0
+    store(steering.direction_rate, scale(rate, sub(last, first)))
 
 
 @kernel

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import HEATING_MEASURED, Onboard
+from ares_guidance.arrays import HEATING_MEASURED, PHASE_CONVERGING, Onboard
 from ares_guidance.kernels.prediction.burn import (
     LinearTangent,
     gravity_effect,
@@ -166,6 +166,9 @@ def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
 def predict_jettisons(mission: MissionRecords, onboard: Onboard, steering: LinearTangent) -> float:
     """Move each heating jettison to the time at which the predicted path meets its limit.
 
+    In the search for a first solution they stay where the plan has them: with one too late the
+    vehicle is heavier, its path lower, and the search may end there.
+
     Args:
         mission: as guidance believes it.
         onboard: state of guidance, with planned segments. Its jettison times are changed.
@@ -181,6 +184,8 @@ def predict_jettisons(mission: MissionRecords, onboard: Onboard, steering: Linea
     jettison_time = state.solution.jettison_time
     jettisons = mission.jettisons
     largest = 0.0
+    if state.phase <= PHASE_CONVERGING and state.leg.jettison_time > nav.time:
+        return largest
     below = 1.0 - settings.heating_margin
     ratio = on_board_heating(settings, state)
     for j in range(jettisons.shape[0]):
