@@ -80,8 +80,8 @@ from ares_models.kernels.vectors import (
 CUTOFF_SEARCH_STEPS = 4
 #: Largest change of the cut-off in the last of these steps, s; a larger one means divergence.
 CUTOFF_SETTLED = 0.1
-#: Largest rate of the direction vector that is commanded, 1/s.
-FASTEST = 1.0
+#: Burn of next to no length, s, and largest rate of its direction vector that is commanded, 1/s.
+SHORT_BURN, FASTEST = 1.0, 1.0
 #: Step of the finite difference of the target speed along the flight, s.
 DIFFERENCE = 0.1
 
@@ -162,8 +162,7 @@ def accept(onboard: Onboard) -> None:
     """Copy the solution under iteration to the steering that is commanded."""
     solution = onboard.state.solution
     steering = onboard.steering
-    if norm(load(solution.direction_rate)) > FASTEST:
-        # of a burn of next to no length
+    if solution.time_to_go < SHORT_BURN and norm(load(solution.direction_rate)) > FASTEST:
         store(solution.direction_rate, (0.0, 0.0, 0.0))
     steering.reference_time = solution.reference_time
     store(steering.direction, load(solution.direction))
