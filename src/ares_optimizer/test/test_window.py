@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch window of a plane that is fixed in space."""
 
+from dataclasses import replace
 from datetime import timedelta
 
 import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 from ares_optimizer.window import Window, launch_window, launched_later
 
@@ -53,6 +54,14 @@ def test_a_launch_beside_a_known_one_begins_at_its_flight(station: Window) -> No
     assert beside.m_f_kg == pytest.approx(alone.m_f_kg, rel=1e-7)
     assert beside.iterations < 0.5 * alone.iterations
     assert beside.restarts == 0
+
+
+def test_a_known_flight_that_one_start_led_to_is_not_evidence_enough(station: Window) -> None:
+    later = launched_later(station.best.mission, 90.0)
+    known = replace(station.best.solution, status=Status.FEASIBLE)
+    beside = solve(later, "auto", guess=known)
+    assert beside.converged
+    assert beside.restarts > 0
 
 
 def test_the_solution_of_another_sequence_is_no_guess(station: Window) -> None:

@@ -60,13 +60,14 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     try_known(search)
     if search.starts and search.best is None and beat_kg is None:
         short = short_of_propellant(search)
-    if search.best is None and short is None:
+    begun = search.starts
+    if not search.is_conclusive and not (short and short.sure):
         try_throttle_bucket(search)
     # other first guesses do not know where the pressure is high
-    known = search.best is not None
+    throttled = search.best is not None and search.starts > begun
     if slowly := raises_slowly(arrays, start):
         try_divided_burn(search)
-    for trial in () if known or search.is_conclusive else first_guesses(search):
+    for trial in () if throttled or search.is_conclusive else first_guesses(search):
         if request.deadline.passed or search.is_conclusive or (short and short.sure):
             break
         if search.best is not None and request.deadline.share_passed > _SEARCHED:
