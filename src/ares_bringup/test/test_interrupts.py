@@ -93,21 +93,9 @@ sys.exit(interrupts.status(0))
 """
 
 #: As in the callback of a binding that prints what it raises, by PyErr_Print, and goes on.
-IN_A_CALLBACK = """
-import sys
-import time
-
-from ares_bringup.commands.interrupts import Interrupts
-
-with Interrupts() as interrupts:
-    try:
-        print("ready", flush=True)
-        time.sleep(600.0)
-    except KeyboardInterrupt:
-        sys.excepthook(*sys.exc_info())
-        print("in order", flush=True)
-sys.exit(interrupts.status(0))
-"""
+IN_A_CALLBACK = IN_PYTHON.replace(
+    'print("in order"', 'sys.excepthook(*sys.exc_info())\n        print("in order"'
+)
 
 #: As where a dataclass is made.
 IN_AN_EXECUTED_TEXT = """
