@@ -19,7 +19,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.two_point.arrays import MAX_COLUMNS, OPTIONS, WORK
 
-MAX_SEGMENTS = 32
+MAX_SEGMENTS = 64
 
 LAW_PEG = 1
 LAW_IGM = 3

@@ -40,7 +40,7 @@ from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.proof.physics import air_force, gravity, surface_radius
 from ares_optimizer.request import Heating, Request
-from ares_optimizer.solution import Check, OptimizerError, UnfitMethod
+from ares_optimizer.solution import Check, OptimizerError, Status, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.window import launched_later
 from ares_studies.closed_loop import arc_plan, fly_compiled, fly_stepwise, offline_trajectory
@@ -773,6 +773,18 @@ def test_a_short_burn_after_a_long_coast_is_flown_by_every_law(seed):
         end = fly_compiled(mission, law=ready(mission, solution, law)).plant
         assert judged(mission, end).end is End.TARGET, law
         assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
+def test_a_stage_leaves_on_a_prescribed_orbit_that_dips_into_the_air():
+    """Coast on an orbit that is entered above the air, with the next stage; no plan was found."""
+    mission = load_mission(str(MISSIONS / "shuttle_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    # the same with a coast of 1,500 to 2,600 s and a floor of 100 km, from another search
+    assert solution.m_f_kg >= 127774.38
+    end = fly_compiled(mission, law=ready(mission, solution)).plant
+    assert judged(mission, end).end is End.TARGET
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-5)
 
 
 @pytest.mark.trial

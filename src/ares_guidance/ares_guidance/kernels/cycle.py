@@ -80,7 +80,7 @@ from ares_models.kernels.vectors import (
 CUTOFF_SEARCH_STEPS = 4
 #: Largest change of the cut-off in the last of these steps, s; a larger one means divergence.
 CUTOFF_SETTLED = 0.1
-#: Burn of next to no length, s, and largest rate of its direction vector that is commanded, 1/s.
+#: Length of a burn that is next to none, s, and the largest rate of its direction vector, 1/s.
 SHORT_BURN, FASTEST = 1.0, 1.0
 #: Step of the finite difference of the target speed along the flight, s.
 DIFFERENCE = 0.1

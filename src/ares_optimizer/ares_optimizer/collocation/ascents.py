@@ -29,6 +29,7 @@ from ares_models.arrays import (
 from ares_models.floors import floors_of
 from ares_models.kernels.environment import altitude, heating_rate
 from ares_models.kernels.judging import judged_by
+from ares_models.kernels.sequence import loaded_mass
 from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
@@ -46,7 +47,7 @@ from ares_optimizer.collocation.pilot import (
     plane_from_ground,
 )
 from ares_optimizer.collocation.points import FoundOptimum, lowest_in, times_of
-from ares_optimizer.collocation.search import LEAST_MET, Search
+from ares_optimizer.collocation.search import ENOUGH, LEAST_MET, Search
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import (
@@ -60,9 +61,11 @@ from ares_optimizer.solution import OptimizerError, Solution
 
 #: Most starts of a search.
 _MOST_STARTS = 12
-#: Most first guesses of the ascent, of the rest of the flight alone, and of what follows an ascent.
+#: Most first guesses of the ascent, of the rest of the flight alone from its last burn and from the
+#: prescribed orbit, and of what follows an ascent.
 _MOST_ASCENTS = 3
 _MOST_RESTS = 2
+_MOST_WHOLE_RESTS = 8
 _MOST_AFTER = 4
 #: Relative difference of lengths up to which two rests are alike.
 _ALIKE = 0.2
@@ -115,7 +118,7 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     for alone in ascents_to_park(pilot):
         ascent = _best_ascent(search, alone) or _best_ascent(search, without_speed(alone))
         if ascent is not None:
-            rests += _with_best_rests(search, ascent)
+            rests += _with_best_rests(search, ascent, pilot.parks)
             coasts.append(_with_coasts(search, ascent))
     if rests:
         best_kg, best = max(rests, key=lambda rest: rest[0])
@@ -131,27 +134,35 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
     yield from in_turn(coasts)
 
 
-def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, TrialFlight]]:
+def _with_best_rests(
+    search: Search, ascent: FoundOptimum, whole: bool
+) -> list[tuple[float, TrialFlight]]:
     """Return an ascent to its last burn, with the best flights from there as if without air.
 
-    There is more propellant than in the mission.
+    Args:
+        search: of the whole mission.
+        ascent: to the parking orbit.
+        whole: its last burn is part of it; else there is more propellant than in the mission.
 
     Returns:
         final masses, kg, and flights.
     """
-    begin = _beginning(search.start, ascent, len(ascent.program.arrays.arcs) - 1)
+    arcs_alone = len(ascent.program.arrays.arcs)
+    begin = _beginning(search, ascent, arcs_alone if whole else arcs_alone - 1)
     if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
         return []
-    arrays = with_more_propellant(search.arrays)
-    arcs = arrays.arcs
+    arcs = search.arrays.arcs.copy() if whole else with_more_propellant(search.arrays).arcs
     arcs["drag_area"] = arcs["exit_area"] = 0.0
     arcs["vertical"] = 0
     arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf
+    arrays = search.arrays._replace(arcs=arcs)
     rest = Search(arrays, begin.after, floors_of(arrays, begin.after), search.request)
-    following = list(islice(trials(arrays, begin.after, rest.floors), _MOST_RESTS))
-    # the second one is the transfer to the apogee of the target, if it is higher
-    for trial in reversed(following):
-        if search.request.deadline.passed:
+    following = trials(arrays, begin.after, rest.floors)
+    if not whole:
+        # the second one is the transfer to the apogee of the target, if it is higher
+        following = reversed(list(islice(following, _MOST_RESTS)))
+    for trial in islice(following, _MOST_WHOLE_RESTS):
+        if search.request.deadline.passed or rest.again >= ENOUGH:
             break
         rest.try_start(trial)
     search.iterations += rest.iterations
@@ -170,7 +181,7 @@ def _with_best_rests(search: Search, ascent: FoundOptimum) -> list[tuple[float, 
 
 def _with_coasts(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
     """Yield a whole ascent, with trial flights after it."""
-    begin = _beginning(search.start, ascent, len(ascent.program.arrays.arcs))
+    begin = _beginning(search, ascent, len(ascent.program.arrays.arcs))
     if begin is not None:
         arrays, after = search.arrays, begin.after
         following = trials(arrays, after, floors_of(arrays, after), vary_coasts=True)
@@ -312,7 +323,7 @@ def try_coast_to_apogee(search: Search) -> None:
     coasts = [k for k in free_arcs(arrays, start[0]) if arrays.arcs[k]["kind"] == COAST]
     if best is None or not coasts or plane_from_ground(arrays, start) is None:
         return
-    begin = _beginning(start, best, coasts[0])
+    begin = _beginning(search, best, coasts[0])
     if begin is None or Pilot(arrays, begin.after, search.floors).eccentricity < ROUND:
         return
     following = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
@@ -360,18 +371,18 @@ def _drop_at_once(ascent: Search) -> None:
         ascent.optima = other.optima
 
 
-def _beginning(start: NDArray[np.void], found: FoundOptimum, arc: int) -> Beginning | None:
+def _beginning(search: Search, found: FoundOptimum, arc: int) -> Beginning | None:
     """Return a flight up to an arc, or the whole ascent up to the arc after its last.
 
     Args:
-        start: shape (1,), dtype NAVIGATION.
+        search: of the whole mission.
         found: solution of the mission, or of its first arcs.
         arc: index of the first arc that is left out.
 
     Returns:
         None if nothing is left.
     """
-    program, x = found.program, found.point.x
+    program, x, start = found.program, found.point.x, search.start
     times, phases = times_of(program, x), len(program.segments)
     free = free_arcs(program.arrays, start[0])
     lengths = times.lengths[: sum(k < arc for k in free)]
@@ -395,6 +406,10 @@ def _beginning(start: NDArray[np.void], found: FoundOptimum, arc: int) -> Beginn
     off = np.array([t <= now + SAME_LENGTH for t in due], bool)
     for j in np.flatnonzero(off):
         after["jettisoned"] |= 1 << int(j)
+    arcs, stage = search.arrays.arcs, search.arrays.arcs["stage"]
+    if stage[arc] > stage[arc - 1]:
+        dropped = int(after["jettisoned"][0])
+        after["mass"] = loaded_mass(int(stage[arc]), arcs, search.arrays.jettisons, dropped)
     track = track_of(found)[: node + 1]
     return Beginning(lengths, times.drops, off[program.waiting_for_heating], track, after)
 

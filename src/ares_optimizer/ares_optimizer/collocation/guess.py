@@ -310,6 +310,7 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
 
     They are a circle and the ellipse from its radius to the target's apogee. If one burn alone
     follows the ascent, the circle is at the target's perigee, and only if that is low.
+    A prescribed orbit is the only one.
 
     Args:
         pilot: of the whole mission.
@@ -327,6 +328,8 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
         ways = [(perigee, perigee)] * low + [(parking, apogee)] * (apogee > perigee or not low)
         if apogee < _HIGH_UP * parking:
             ways.reverse()
+    if pilot.parks:
+        ways = [(pilot.parking_m, pilot.apogee_m)]
     for radius, highest in dict.fromkeys(ways):
         yield _ascent_to(pilot, last, radius, highest)
 
@@ -341,6 +344,8 @@ def _end_of_ascent(pilot: Pilot) -> int | None:
 def _ascent_to(pilot: Pilot, last: int, radius: float, apogee: float) -> MissionArrays:
     """Return the mission of an ascent alone, to the perigee of an orbit.
 
+    It ends at the edge of the air, on the way up, if the perigee is lower.
+
     Args:
         pilot: of the whole mission.
         last: the last arc of the ascent.
@@ -353,10 +358,12 @@ def _ascent_to(pilot: Pilot, last: int, radius: float, apogee: float) -> Mission
     h = np.cross(r, v)
     target = arrays.target.copy()
     target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-    target["radius"] = radius
+    target["radius"] = end = max(radius, pilot.clear_m)
     energy = -mu / (radius + apogee) if apogee < math.inf else target_energy(arrays)
-    target["speed"] = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
-    target["flight_path_angle"] = 0.0
+    at_perigee = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
+    speed = math.sqrt(at_perigee**2 - 2.0 * mu * (1.0 / radius - 1.0 / end))
+    target["speed"] = speed
+    target["flight_path_angle"] = math.acos(min(1.0, radius * at_perigee / (end * speed)))
     plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
     if pilot.plane is not None and names_plane(arrays):
         # two planes of one inclination pass over the pad

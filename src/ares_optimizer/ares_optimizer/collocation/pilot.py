@@ -25,7 +25,7 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
-from ares_models.floors import Floor, orbits_of
+from ares_models.floors import Floor, edge_of_air, orbits_of
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.judging import judged_by
 from ares_models.kernels.targets import named_plane
@@ -155,16 +155,18 @@ class Pilot:
         h = np.cross(r, v)
         energy = self.energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
         e = self.eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
-        #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
         highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
-        self.parking_m = float(arrays.environment[0]["equatorial_radius"])
-        self.parking_m += max(_PARKING_M, highest + _CLEAR_M)
-        self.apogee_m = self.parking_m
-        for k, orbit in self._orbits.items():
-            if self.groups[k] == 1:
-                self.parking_m = float(orbit["perigee_radius"][0])
-                self.apogee_m = float(orbit["apogee_radius"][0])
-                break
+        radius = float(arrays.environment[0]["equatorial_radius"])
+        #: Radius clear of the air and of the floors, m.
+        self.clear_m = radius + max(edge_of_air(arrays), highest) + _CLEAR_M
+        #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
+        self.parking_m = self.apogee_m = max(radius + _PARKING_M, radius + highest + _CLEAR_M)
+        orbit = next((orbit for k, orbit in self._orbits.items() if self.groups[k] == 1), None)
+        #: The mission prescribes that orbit.
+        self.parks = orbit is not None
+        if orbit is not None:
+            self.parking_m = float(orbit["perigee_radius"][0])
+            self.apogee_m = float(orbit["apogee_radius"][0])
         self.period = math.tau * math.sqrt(self.parking_m**3 / mu)
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         #: Plane of an ascent from the ground, a unit vector; None: it begins above the air.

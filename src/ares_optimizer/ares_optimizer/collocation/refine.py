@@ -102,6 +102,8 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
     found = best
     factors = _FINER_LIMITED if acting_limits(best) else _FINER
     for finer in factors:
+        if request.deadline.passed:
+            break
         there = tuple(floor._replace(altitude_m=levels[k]) for k, floor in floors.items())
         other = refined(search, found, there, finer)
         if other is None and finer < factors[-1]:
@@ -109,8 +111,6 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
         found = _above_floors(search, other or found, floors, levels)
         adjoint = adjoint_of(found.program, found.point)
         steady = hamiltonian_spread(found, adjoint) <= allowed_spread(found)
-        if request.deadline.passed and not steady:
-            break
         if not steady and finer < factors[-1]:
             continue
         proven = _verified(search, found, adjoint)
@@ -119,7 +119,7 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
         found = _above_floors(search, proven.found, floors, levels)
         if found is not proven.found:
             proven = _verified(search, found, adjoint_of(found.program, found.point))
-        if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
+        if proven.exact and all(c.satisfied for c in proven.checks):
             break
     if proven is None:
         proven = _verified(search, found, adjoint_of(found.program, found.point))

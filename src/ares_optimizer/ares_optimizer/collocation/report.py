@@ -298,6 +298,8 @@ def verdict_of(
         return Cause(Status.CONVERGED, next_to_nothing(propellant))
     if proven.found.point.unsettled:
         return Cause(Status.FEASIBLE, "the best length of a coast was not found")
+    if search.unfinished:
+        return Cause(Status.FEASIBLE, f"{OUT_OF_TIME.reason}: there may be a better flight")
     # on fine intervals, where floors and limits hold between the coarse ones too, the mass differs
     met = max(search.again, search.led_to(proven.found.m_f_kg))
     if search.starts > 1 and met < LEAST_MET:

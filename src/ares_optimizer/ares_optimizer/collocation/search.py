@@ -55,7 +55,7 @@ _SAME_ARC_S = 1.0
 #: The search ends when so many starts led to the best solution. With a free coast it also needs so
 #: many starts, of which no other solution came from any and so few failed. From the pad two
 #: suffice, unless an arc beside several free coasts is shorter than so many s.
-_ENOUGH = 3
+ENOUGH = 3
 _ENOUGH_IN_AIR = 2
 _LEAST_STARTS = 5
 _VANISHED_S = 1.0
@@ -149,7 +149,7 @@ class Search:
         self.starts = 0
         self.iterations = 0
         self.least_starts = 0
-        self.idle = False
+        self.idle = self.unfinished = False
         self.sunk_kg = -math.inf
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
@@ -193,7 +193,7 @@ class Search:
         free = free_arcs(self.arrays, self.start[0])
         coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
         whole = len(coasts) <= 1 or float(self.optima[0].lengths.min()) > _VANISHED_S
-        if self.again < (_ENOUGH_IN_AIR if in_air and whole else _ENOUGH):
+        if self.again < (_ENOUGH_IN_AIR if in_air and whole else ENOUGH):
             return False
         if in_air or not coasts:
             return True

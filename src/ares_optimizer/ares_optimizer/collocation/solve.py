@@ -83,6 +83,7 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     try_coast_to_apogee(search)
     try_lower_coast(search)
     try_other_plane(search)
+    search.unfinished = request.deadline.passed
     if search.best is None and short is None and search.starts < _UNMET and beat_kg is None:
         short = short_of_propellant(search)
     cause = short.cause if short else search.failure()

@@ -58,6 +58,9 @@ INFINITE = 2e19  # bound that the solver ignores
 #: Negligible mass, and least mass of a state, relative to that at the start.
 _NO_MASS = 1e-9
 _LEAST_MASS = 1e-6
+#: Worth of propellant that is dropped with a stage before a prescribed orbit, where nothing else
+#: depends on it, relative to that of mass at the end: without it ascents that waste are as good.
+_LEFT = 1e-5
 
 
 class FreeTimes(NamedTuple):
@@ -461,12 +464,17 @@ class CollocationProgram:
         #: Last phase of the stage whose propellant is saved; the last phase if there is none.
         saved = np.flatnonzero(stages == saving_stage(self.arrays, start))
         self.saving = int(saved[-1]) if saved.size else len(pieces) - 1
+        self._worth = {int(self.ends[self.saving]): 1.0}
+        ahead = orbits_of(self.arrays, start[None])
+        parked = max((int(arcs[k]["stage"]) for k in ahead), default=-1)
         for stage in np.unique(stages):
             members = np.flatnonzero(stages == stage)
             there = arcs[np.unique(pieces["arc"][members])]
             burns = there[there["kind"] == BURN]
             if not np.isinf(burns["duration"]).any():
                 continue
+            if stage < min(parked, stages[self.saving]):
+                self._worth[int(self.ends[members[-1]])] = _LEFT
             left = float(burns["propellant"].max())
             if stage == arcs[start["arc"]]["stage"]:
                 left -= used
@@ -574,12 +582,14 @@ class CollocationProgram:
 
     def objective(self, x: Array) -> float:
         """Return the negative mass at the end of the saving stage, plus the added cost."""
-        return 0.5 * float(x @ np.asarray(self.added_cost @ x)) - float(x[self.ends[self.saving]])
+        worth = sum(weight * float(x[k]) for k, weight in self._worth.items())
+        return 0.5 * float(x @ np.asarray(self.added_cost @ x)) - worth
 
     def gradient(self, x: Array, out: Array) -> None:
         """Write the gradient of :meth:`objective`."""
         out[:] = np.asarray(self.added_cost @ x)
-        out[self.ends[self.saving]] -= 1.0
+        for k, weight in self._worth.items():
+            out[k] -= weight
 
     def rows(self, x: Array, out: Array) -> None:
         """Write the values of all rows."""

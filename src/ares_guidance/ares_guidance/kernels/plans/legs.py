@@ -19,7 +19,7 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
     Onboard,
 )
-from ares_guidance.kernels.cycle import guidance_step
+from ares_guidance.kernels.cycle import SHORT_BURN, guidance_step
 from ares_guidance.kernels.laws.start import start_guess
 from ares_guidance.kernels.monitors.engines import present_engine
 from ares_models.arrays import COAST, MissionRecords, Record
@@ -35,8 +35,6 @@ from ares_models.kernels.vectors import add, cross, dot, load, norm, scale, stor
 ALLOWED_SHARE = 0.1
 #: Least length of the mean of two directions that is usable as a direction.
 LEAST_MEAN = 0.15
-#: Least length of a leg that turns, s.
-LEAST_TURN = 1.0
 #: Newton steps to the time at which a coast passes a place.
 PLACE_STEPS = 6
 #: Time before an ignition from which a burn after an ascent through the air is aimed, s.
@@ -323,7 +321,7 @@ def steer_by_plan(leg: Record) -> None:
     steering.reference_time = leg.begin + 0.5 * length
     store(steering.direction, unit(mean))
     # what ends before the next cycle does not turn
-    rate = 1.0 / (length * norm(mean)) if length > LEAST_TURN else 0.0
+    rate = 1.0 / (length * norm(mean)) if length > SHORT_BURN else 0.0
     store(steering.direction_rate, scale(rate, sub(last, first)))
 
 
