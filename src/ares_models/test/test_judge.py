@@ -191,6 +191,15 @@ def test_the_apogee_of_a_long_orbit_may_be_off_by_what_its_speed_may():
     assert flown.allowed["perigee_radius_m"] < 1.1 * RADIUS_M
 
 
+def test_an_apogee_in_which_the_last_burn_ends_may_be_off_as_much():
+    """Raise the perigee there: the burn before has set the apogee."""
+    names = NAMES_PERIGEE | NAMES_APOGEE
+    there = judged(*gto(anomaly=math.pi), **GTO, named=names)
+    before = judged(*gto(anomaly=0.0), **GTO, named=names)
+    assert there.allowed["apogee_radius_m"] == pytest.approx(before.allowed["apogee_radius_m"])
+    assert there.allowed["perigee_radius_m"] < 50.0 * RADIUS_M
+
+
 def test_a_node_means_less_in_a_flat_plane():
     for tilt, expected in ((0.5, 1.0), (0.01, 10.0)):
         fields = {**GTO, "inclination": tilt, "named": NAMES_ASCENDING_NODE}

@@ -68,6 +68,8 @@ def allowed_figures(radius: float, speed: float, angle: float, mu: float, wanted
 
     They are the sum of the first-order changes by the tolerances of the state. In a round orbit
     the perigee may lie anywhere: there each change counts with its largest value over the orbit.
+    The apogee may be off by what the tolerances change it from the perigee, too, since a burn that
+    ends elsewhere, at the apogee itself for one, does not set it.
 
     Args:
         radius: m.
@@ -102,6 +104,11 @@ def allowed_figures(radius: float, speed: float, angle: float, mu: float, wanted
         else:
             perigee += abs(move[2] - near * stretch)
             apogee += abs(move[2] + far * stretch)
+    if e < 1.0 and not is_round:
+        from_perigee = 0.0
+        for move in _moves(near, math.sqrt(mu * parameter) / near, 0.0, mu):
+            from_perigee += abs(move[2] + far * move[0])
+        apogee = max(apogee, from_perigee)
     c3 = 2.0 * (mu / (radius * radius) * RADIUS_M + speed * SPEED_M_S)
     energy = speed * speed - 2.0 * mu / radius
     return (
