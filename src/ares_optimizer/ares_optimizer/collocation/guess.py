@@ -309,7 +309,8 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
     """Yield the missions of an ascent alone, to orbits from which the target is reached.
 
     They are a circle and the ellipse from its radius to the target's apogee. If one burn alone
-    follows the ascent, the circle is at the target's perigee, and only if that is low.
+    follows the ascent, the circle is at the target's perigee, if that is low, and else only tried
+    if the target is eccentric.
     A prescribed orbit is the only one.
 
     Args:
@@ -325,7 +326,9 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
     following = pilot.count - 1 - pilot.groups[last]
     if following == 1 and pilot.apogee_m == parking:
         low = max(parking - _LOWER_M, lowest) <= perigee < parking + _LOW_M
-        ways = [(perigee, perigee)] * low + [(parking, apogee)] * (apogee > perigee or not low)
+        circle = perigee if low else parking
+        ways = [(circle, circle)] * (low or apogee > _HIGH_UP * perigee)
+        ways += [(parking, apogee)] * (apogee > perigee or not low)
         if apogee < _HIGH_UP * parking:
             ways.reverse()
     if pilot.parks:

@@ -77,7 +77,8 @@ def short_of_propellant(search: Search) -> Shortage | None:
     burnt = _burnt_in(more.best)
     if burnt <= usable:
         search.starts += more.starts
-        search.keep(more.best)
+        # what is best with more propellant, and keeps to less, is best with less too
+        search.keep(more.best, more.again)
         return None
     return Shortage(burnt, usable, alone or more.again >= _SURE)
 
