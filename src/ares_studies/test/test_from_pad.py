@@ -775,16 +775,20 @@ def test_a_short_burn_after_a_long_coast_is_flown_by_every_law(seed):
         assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
 
 
-def test_a_stage_leaves_on_a_prescribed_orbit_that_dips_into_the_air():
-    """Coast on an orbit that is entered above the air, with the next stage; no plan was found."""
-    mission = load_mission(str(MISSIONS / "shuttle_pad.yaml"))
+#: The first as found with a coast of 1,500 to 2,600 s and a floor of 100 km, by another search.
+PARKED = {"shuttle_pad": 127774.38, "molniya_pad": 3662.739}
+
+
+@pytest.mark.parametrize("name", PARKED)
+def test_the_ascent_to_the_right_orbit_leads_to_the_plan(name):
+    """Enter a prescribed orbit above the air, or park below a high perigee; none was found."""
+    mission = load_mission(str(MISSIONS / f"{name}.yaml"))
     solution = solve(mission, "auto")
     assert solution.status is Status.CONVERGED, solution.reason
-    # the same with a coast of 1,500 to 2,600 s and a floor of 100 km, from another search
-    assert solution.m_f_kg >= 127774.38
+    assert solution.m_f_kg >= PARKED[name]
     end = fly_compiled(mission, law=ready(mission, solution)).plant
     assert judged(mission, end).end is End.TARGET
-    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-5)
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-4)
 
 
 @pytest.mark.trial
