@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
-from ares_models.mission import load_mission
+from ares_models.mission import load_mission, read_mission
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
 from ares_node.diagnostics import FLIGHT_TIME_S, Timing, hardware_id
 from ares_node.heartbeat import is_heartbeat
@@ -498,6 +498,34 @@ def test_guidance_of_another_mission_has_no_part(graph):
     graph.spin(lambda: simulator.done)
     assert simulator.failure == "no guidance for mission ares_v on the graph after 5 s"
     graph.wait_for_report("guidance is for saturn_v_as506: it has no part in it")
+
+
+def test_guidance_that_reads_an_edited_mission_has_no_part(graph, tmp_path):
+    """Replace guidance in flight, as a restart does, after its mission file was edited."""
+    file = tmp_path / "ours.yaml"
+    _, text = read_mission("ares_v")
+    file.write_text(text, encoding="utf-8")
+    simulator = graph.start(VehicleSimNode, mission=str(file), command_timeout_s=0.05, pace=20.0)
+    first = graph.start(GuidanceNode, mission=str(file))
+    graph.spin(lambda: answers(graph) > 20)
+    flown = simulator._membership.guidance_id
+    edited = text.replace("radius_m: 6518889.0", "radius_m: 6538889.0")
+    assert edited != text
+    file.write_text(edited, encoding="utf-8")
+    first.stop()
+    second = graph.start(GuidanceNode, mission=str(file))
+    digests = [load_mission(name).digest for name in ("ares_v", file)]
+    both = f"mission ares_v with digest {digests[0]}, this guidance is for ares_v with digest "
+    graph.wait_for_report(both + digests[1])
+    graph.wait_for_report(f"guides mission ares_v with digest {digests[1]}, this is ares_v with")
+    before = answers(graph)
+    graph.spin(lambda: answers(graph) > before + 20)
+    assert second._membership.state is State.PRESENT
+    assert simulator._membership.guidance_id not in (flown, second._membership.member_id)
+    file.write_text("# as it was\n" + text, encoding="utf-8")
+    second.stop()
+    graph.start(GuidanceNode, mission=str(file))
+    graph.spin(lambda: any(e.type == FlightEvent.GUIDANCE_BACK for e in graph.events))
 
 
 def test_guidance_left_over_joins_the_next_flight(graph):

@@ -19,7 +19,7 @@ from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
 from ares_bags.types import check_installed
 from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY
-from ares_bringup.flown_mission import MISSION_DIGEST, FlownMission, flown_mission, told_of
+from ares_bringup.flown_mission import FlownMission, flown_mission, told_of
 from ares_bringup.options import CannotStart, refusal
 from ares_guidance.laws import find_law
 from ares_guidance.messages import ANSWER_TAKEN, ASKED_AT_NS, Answers
@@ -29,7 +29,7 @@ from ares_models.mission import Mission
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_node.identity import id_text
-from ares_node.membership import FLIGHT_ID
+from ares_node.membership import FLIGHT_ID, MISSION_DIGEST
 from ares_node.requirements import unmet
 from ares_node.time import NANOSECONDS, ns_from_stamp
 

@@ -19,9 +19,7 @@ from ares_models.mission import (
     parse_mission,
     read_mission,
 )
-
-#: Key in the recorded settings of a guidance.
-MISSION_DIGEST = "mission_digest"
+from ares_node.membership import MISSION_DIGEST
 
 
 @dataclass(frozen=True)

@@ -297,10 +297,13 @@ class GuidanceNode(FlightNode):
             self._last = None
             self._statuses = 0
             self._forget()
-        if simulator.mission not in ("", self._mission.name):
-            self._warn_once(
-                f"flight {id_text(mine.flight_id)} flies mission {simulator.mission}, this "
-                f"guidance is for {self._mission.name}: it has no part in it",
+        if other := mine.other_mission(simulator):
+            theirs, own = other
+            edited = simulator.mission == self._mission.name
+            self._tell_once(
+                f"flight {id_text(mine.flight_id)} flies mission {theirs}, this guidance is for "
+                f"{own}: it has no part in it",
+                Level.ERROR if edited else Level.WARN,
             )
         elif simulator.guidance_id == mine.member_id:
             # another node may have announced the end in this member's or the simulator's name
@@ -315,7 +318,7 @@ class GuidanceNode(FlightNode):
                 mine.say(State.PRESENT)
         else:
             mine.say(State.PRESENT)
-            self._warn_once(
+            self._tell_once(
                 f"flight {id_text(mine.flight_id)} has another guidance: this one has no part in it"
             )
 
@@ -323,11 +326,11 @@ class GuidanceNode(FlightNode):
     def _guiding(self) -> bool:
         return self._membership.state in AGREED
 
-    def _warn_once(self, text: str) -> None:
-        """Report a warning once per flight."""
+    def _tell_once(self, text: str, level: Level = Level.WARN) -> None:
+        """Report why it has no part in a flight, once per flight."""
         if self._membership.flight_id not in self._warned:
             self._warned.add(self._membership.flight_id)
-            self.diagnostics.report(Level.WARN, text, 0)
+            self.diagnostics.report(level, text, 0)
 
     def _on_watch(self) -> None:
         self._answer_held_back()

@@ -6,6 +6,7 @@ ares_msgs/FlightMember describes the protocol. A member makes a `Membership` at 
 announcement is then known to receive from all its publishers.
 """
 
+import json
 from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
@@ -54,6 +55,8 @@ class State(IntEnum):
     PLANNING = FlightMember.PLANNING
 
 
+#: Key in a member's settings: digest of the numbers of its mission.
+MISSION_DIGEST = "mission_digest"
 #: Largest number of members remembered; the oldest is dropped.
 MOST_HEARD = 1000
 
@@ -75,6 +78,15 @@ def _content(announcement: FlightMember) -> tuple[object, ...]:
         announcement.mission,
         announcement.role,
     )
+
+
+def _mission_digest(member: FlightMember) -> str:
+    """Return the digest of a member's mission; "" where its settings do not tell it."""
+    try:
+        told = json.loads(member.settings or "{}")
+    except (ValueError, RecursionError):
+        return ""
+    return str(told.get(MISSION_DIGEST, "")) if isinstance(told, dict) else ""
 
 
 def _state_name(member: FlightMember) -> str:
@@ -174,6 +186,22 @@ class Membership:
         for publisher in (self._out, *self._others_out):
             self._node.destroy_publisher(publisher)
         self.seals.close()
+
+    def other_mission(self, member: FlightMember) -> tuple[str, str] | None:
+        """Return how a member's mission and the own one differ; None: they do not.
+
+        Returns:
+            Their names; for equal names, each with the digest of its numbers.
+        """
+        mine = self._announcement
+        if "" in (mine.mission, member.mission):
+            return None
+        if mine.mission != member.mission:
+            return str(member.mission), str(mine.mission)
+        theirs, own = _mission_digest(member), _mission_digest(mine)
+        if theirs == own or "" in (theirs, own):
+            return None
+        return f"{member.mission} with digest {theirs}", f"{mine.mission} with digest {own}"
 
     def wait_until_heard(self, seconds: float) -> None:
         """Wait until the others have received the last announcement, at most ``seconds``."""

@@ -25,13 +25,10 @@ class OtherMembers:
         activated_at: begin of the wait for members, wall time, s.
     """
 
-    def __init__(
-        self, node: FlightNode, membership: Membership, mission: str, flight: LockStep
-    ) -> None:
-        """Begin without others; ``mission`` is the name of the flight's mission."""
+    def __init__(self, node: FlightNode, membership: Membership, flight: LockStep) -> None:
+        """Begin without others."""
         self._node = node
         self._mine = membership
-        self._mission = mission
         self._flight = flight
         self._link = flight.link
         self._successor = 0
@@ -96,8 +93,8 @@ class OtherMembers:
             return [int(m.member_id) for m in members if m.guidance_id == mine.guidance_id]
 
         if not mine.guidance_id or mine.guidance_id not in ready(Role.GUIDANCE):
-            others = {m.mission for m in mine.others(Role.GUIDANCE)} - {"", self._mission}
-            suffix = f" for mission {self._mission}" if others else ""
+            others = filter(None, map(mine.other_mission, mine.others(Role.GUIDANCE)))
+            suffix = next((f" for mission {own}" for _, own in others), "")
             return f"guidance{suffix}", Role.GUIDANCE
         for role, expected in (
             (Role.RECORDER, self._node.values["expected_recorders"]),
@@ -147,11 +144,12 @@ class OtherMembers:
 
     def _on_guidance(self, member: FlightMember) -> None:
         mine = self._mine
-        if member.mission not in ("", self._mission):
+        if other := mine.other_mission(member):
+            theirs, own = other
             self._warn_about(
                 member,
-                f"{member.node} guides mission {member.mission}, this is {self._mission}: "
-                "it has no part in this flight",
+                f"{member.node} guides mission {theirs}, this is {own}: it has no part in this "
+                "flight",
             )
         elif member.member_id == mine.guidance_id:
             if member.state in (State.LEFT, State.FAILED):
@@ -175,7 +173,7 @@ class OtherMembers:
         if mine.guidance_id and not self._link.lost:
             return
         for member in mine.others(Role.GUIDANCE, State.PRESENT):
-            if member.mission in ("", self._mission) and member.member_id != mine.guidance_id:
+            if not mine.other_mission(member) and member.member_id != mine.guidance_id:
                 if self._flight.flying:
                     text = f"{member.node} takes over from lost guidance"
                     self._flight.report(Level.WARN, text)

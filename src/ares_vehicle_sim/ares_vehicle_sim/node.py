@@ -20,7 +20,7 @@ from ares_models.plans import flies_in_air
 from ares_models.software import software
 from ares_node.diagnostics import Level
 from ares_node.identity import new_id
-from ares_node.membership import FLIGHT_ID, Membership, Role
+from ares_node.membership import FLIGHT_ID, MISSION_DIGEST, Membership, Role
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.time import NANOSECONDS
@@ -182,10 +182,9 @@ class VehicleSimNode(FlightNode):
                 self, Role.VEHICLE_SIM, mission.name, values["flight_id"] or new_id()
             )
             failed.callback(self._membership.close)
+            about = {"software": software(), MISSION_DIGEST: mission.digest}
             settings = {row.name: values[row.name] for row in PARAMETERS if row is not FLIGHT_ID}
-            self._membership.announce_settings(
-                json.dumps({"software": software()} | settings | texts)
-            )
+            self._membership.announce_settings(json.dumps(about | settings | texts))
             # compile the plant now, by one step of a private flight
             rehearsal = Simulator(*flown)
             rehearsal.advance()
@@ -195,7 +194,7 @@ class VehicleSimNode(FlightNode):
         passage = Passage() if flies_in_air(mission.arrays().arcs) else None
         self._last_report: dict[str, int] = {}
         self._flight = LockStep(self, self._membership, self._simulator, passage, self._report)
-        self._members = OtherMembers(self, self._membership, mission.name, self._flight)
+        self._members = OtherMembers(self, self._membership, self._flight)
         self._membership.listen(self._members.hear)
 
     def _read_flight(self) -> tuple[Mission, tuple[Any, ...], dict[str, str]]:
