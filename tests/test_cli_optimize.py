@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ares_bringup.commands import launch_window
+from ares_bringup.commands import interrupts, launch_window
 from ares_bringup.commands.cli import main
-from ares_bringup.commands.optimize import constraint_table, proof_facts
+from ares_bringup.commands.optimize import constraint_table, optimize_payload, proof_facts
 from ares_bringup.commands.optimum_page import constraint_table as page_table
 from ares_bringup.report import console
 from ares_models.mission import MISSION, TEMPLATE, load_mission
+from ares_optimizer.payload import PropellantMargin
 from ares_optimizer.solution import Cause, Check, ConstraintCheck, Status, failed
 from ares_optimizer.solve import solve
 from ares_optimizer.window import Launch, Window
@@ -235,6 +236,23 @@ def test_a_reason_in_the_table_of_a_window_leaves_the_other_columns_whole(capsys
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["optimize", "--mission", "falcon9_iss_pad", "--window", "1"]) == 4
     assert f"0    {mission.epoch.isoformat(timespec='milliseconds')}" in capsys.readouterr().out
+
+
+def test_a_payload_that_is_still_sought_at_an_interrupt_is_told(capfd, monkeypatch):
+    def left(_margin, mission):
+        if mission.payload_kg > 200.0:
+            raise interrupts.Interrupted
+        return 0.8 * (900.0 - mission.payload_kg)
+
+    monkeypatch.setattr(interrupts, "_told", [])
+    monkeypatch.setattr(interrupts, "_found", [])
+    monkeypatch.setattr(PropellantMargin, "of", left)
+    with pytest.raises(KeyboardInterrupt):
+        optimize_payload(str(TEMPLATE), as_json=True, time_limit_s=60.0)
+    interrupts.report_interrupt()
+    assert capfd.readouterr().err.endswith(
+        "ares: interrupted; greatest payload so far: 200.00 kg, which leaves 560 kg of propellant\n"
+    )
 
 
 def test_launch_window_goes_with_no_other_search(capsys):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.plan import with_more_propellant
-from ares_optimizer.solution import Check, OptimizerError, Solution
+from ares_optimizer.solution import Check, OptimizerError, Solution, Status
 from ares_optimizer.solve import solve
 
 _TRIALS = 40
@@ -36,7 +36,8 @@ class Greatest(NamedTuple):
         payload_kg: the payload.
         solution: the flight that uses all propellant of the last stage, within the tolerance, or
             the last one found.
-        left_kg: propellant beyond that tolerance, where no flight is found with more payload.
+        left_kg: propellant beyond that tolerance, where no flight is found with more payload. If
+            it was the time limit that ended the search for one, the flight is feasible at most.
     """
 
     mission: Mission
@@ -74,12 +75,18 @@ def _with_any_propellant(
 
 
 class PropellantMargin:
-    """Compute the propellant that like missions leave; each search begins at the flight before."""
+    """Compute the propellant that like missions leave; each search begins at the flight before.
+
+    Attributes:
+        known: the last flight found.
+        out_of_time: whether the time limit ended a search without a flight.
+    """
 
     def __init__(self, deadline: Callable[[], Deadline]):
         """Store what makes the time limit of a search."""
         self._deadline = deadline
-        self._known: Solution | None = None
+        self.known: Solution | None = None
+        self.out_of_time = False
 
     def of(self, mission: Mission) -> float:
         """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
@@ -90,13 +97,14 @@ class PropellantMargin:
         arcs = mission.arrays().arcs
         usable = float(arcs[-1]["propellant"])
         stack = float(arcs["stack_mass"][arcs["stage"] == arcs[-1]["stage"]][0])
-        found = _with_any_propellant(mission, self._deadline(), self._known)
+        found = _with_any_propellant(mission, self._deadline(), self.known)
         if not found.flyable and found.last_burn_kg < _NOTHING_KG:
             # the burns before it reach the target, if not to the last metre: it takes more
             return usable
         if not found.flyable:
+            self.out_of_time |= found.status is Status.TIME_LIMIT
             raise NoFlight(found.reason)
-        self._known = found
+        self.known = found
         dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
         return usable - (stack - dropped - found.m_f_kg)
 
@@ -132,6 +140,7 @@ def greatest_payload(
     mission: Mission,
     time_limit_s: float | None = None,
     report: Callable[[Progress], None] = lambda _progress: None,
+    better: Callable[[float, float], None] = lambda _payload_kg, _left_kg: None,
 ) -> Greatest:
     """Find the payload at which the last stage is depleted as it reaches the target.
 
@@ -143,6 +152,7 @@ def greatest_payload(
         mission: with its masses by item.
         time_limit_s: of each search, s.
         report: see :class:`ares_optimizer.deadline.Deadline`.
+        better: called with each greater payload that flies and the propellant that it leaves, kg.
 
     Raises:
         OptimizerError: masses are not by item, the last burn is not free, or no flight is found;
@@ -168,6 +178,7 @@ def greatest_payload(
             )
     enough = _LEFT_KG + _LEFT * float(arcs[-1]["propellant"])
     for _ in range(_TRIALS):
+        better(low, left_low)
         if left_low <= enough:
             break
         if math.isinf(high):
@@ -181,6 +192,7 @@ def greatest_payload(
             middle, there = _flown(mission, middle, low, margin)
         except OptimizerError:
             break
+        margin.out_of_time = False
         if there >= 0.0:
             low, left_low, left_high = middle, there, 0.5 * left_high
         else:
@@ -189,7 +201,7 @@ def greatest_payload(
     found = solve(best, "auto", deadline=deadline())
     if not found.flyable:
         # with no propellant to spare other first guesses count: the flight of the search has enough
-        found = _with_any_propellant(best, deadline(), verify=True)
+        found = _with_any_propellant(best, deadline(), margin.known, verify=True)
         found = replace(
             found,
             constraints=tuple(
@@ -199,4 +211,9 @@ def greatest_payload(
                 for check in found.constraints
             ),
         )
-    return Greatest(best, low, found, left_low if left_low > enough else 0.0)
+    if left_low <= enough:
+        return Greatest(best, low, found)
+    if margin.out_of_time and found.flyable:
+        reason = "the time limit passed before the search for more payload ended"
+        found = replace(found, status=Status.FEASIBLE, reason=reason)
+    return Greatest(best, low, found, left_low)

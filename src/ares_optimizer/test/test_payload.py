@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Test the greatest payload for a target."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import pytest
@@ -10,7 +10,14 @@ from ares_models.arrays import MissionArrays
 from ares_models.mission import TEMPLATE, Mission, load_mission, parse_mission
 from ares_optimizer import payload
 from ares_optimizer.payload import PropellantMargin, greatest_payload
-from ares_optimizer.solution import Check, ConstraintCheck, OptimizerError, Status
+from ares_optimizer.solution import (
+    OUT_OF_TIME,
+    Check,
+    ConstraintCheck,
+    OptimizerError,
+    Status,
+    failed,
+)
 from ares_optimizer.solve import solve
 
 
@@ -95,6 +102,37 @@ def test_a_payload_beyond_which_no_flight_is_found_comes_with_what_it_leaves(
     greatest = greatest_payload(load_mission(TEMPLATE))
     assert 690.0 < greatest.payload_kg < 700.0
     assert greatest.left_kg == pytest.approx(0.8 * (900.0 - greatest.payload_kg))
+
+
+def test_a_search_that_runs_out_of_time_keeps_what_it_has_and_proves_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mission = load_mission(TEMPLATE)
+    dropped, arc = mission.jettison_mass(1), mission.arrays().arcs[-1]
+    known = solve(mission, "auto")
+
+    def found(given: Mission | MissionArrays, *_args: object, **_settings: object) -> object:
+        """Stand for a vehicle that carries 900 kg, and whose search takes long from 700 kg on."""
+        if isinstance(given, Mission):
+            return known
+        carried = float(given.arcs["stack_mass"][-1] - arc["stack_mass"]) + 200.0
+        if carried >= 700.0:
+            return failed("collocation", OUT_OF_TIME)
+        left = 0.8 * (900.0 - carried)
+        burnt = float(arc["propellant"]) - left
+        mass = float(given.arcs["stack_mass"][-1]) - dropped - burnt
+        return replace(known, m_f_kg=mass)
+
+    monkeypatch.setattr(payload, "solve", found)
+    told = []
+    greatest = greatest_payload(mission, better=lambda *pair: told.append(pair))
+    assert 690.0 < greatest.payload_kg < 700.0
+    assert greatest.left_kg == pytest.approx(0.8 * (900.0 - greatest.payload_kg))
+    assert greatest.solution.status is Status.FEASIBLE
+    assert "the time limit passed" in greatest.solution.reason
+    payloads = [kg for kg, _left in told]
+    assert payloads == sorted(payloads)
+    assert told[-1] == (greatest.payload_kg, greatest.left_kg)
 
 
 @pytest.mark.trial

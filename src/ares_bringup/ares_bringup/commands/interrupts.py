@@ -23,6 +23,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 STANDARD_ERROR = 2
 
+_found: list[str] = []
 _written: list[str] = []
 _told: list[str] = []
 
@@ -43,19 +44,25 @@ def note_written(path: str) -> None:
     _written.append(path)
 
 
+def note_found(text: str) -> None:
+    """Record the best result so far, to be told if the command is interrupted."""
+    _found[:] = [text]
+
+
 def report_interrupt(kept: str = "") -> None:
     """Print, once, that the command was interrupted, and what is kept of its work.
 
     Args:
-        kept: description; "": the files recorded by `note_written`.
+        kept: description; "": what `note_found` recorded, else the files of `note_written`.
     """
     if _told:
         return
     _told.append(kept)
     files = f"written: {', '.join(_written)}" if _written else "nothing was written"
+    known = kept or "".join(_found) or files
     # not Python's stream, which the interrupted code may be using
     with suppress(OSError):
-        os.write(STANDARD_ERROR, f"ares: interrupted; {kept or files}\n".encode())
+        os.write(STANDARD_ERROR, f"ares: interrupted; {known}\n".encode())
 
 
 def end_at_once() -> None:

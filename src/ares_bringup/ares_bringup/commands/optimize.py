@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ares_bringup.commands.interrupts import note_found
 from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart, refusal
 from ares_bringup.progress import search
@@ -140,13 +141,17 @@ def optimize(
 def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> int:
     """Find the largest payload and print it with its flight; return the exit status of `optimize`.
 
+    If the command is interrupted, the greatest payload so far is told.
+
     Args: see :func:`optimize`.
 
     Raises:
         CannotStart: bad mission, or one without a variable payload; one line.
     """
     mission, found = sought(
-        mission_name, as_json, lambda mission, tell: greatest_payload(mission, time_limit_s, tell)
+        mission_name,
+        as_json,
+        lambda mission, tell: greatest_payload(mission, time_limit_s, tell, _note_payload),
     )
     if as_json:
         known = {"payload_kg": found.payload_kg, "left_kg": found.left_kg}
@@ -163,6 +168,13 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
             )
         _print(found.mission, found.solution, out)
     return VERDICTS.get(found.solution.status, NOT_FOUND)[1]
+
+
+def _note_payload(payload_kg: float, left_kg: float) -> None:
+    note_found(
+        f"greatest payload so far: {payload_kg:,.2f} kg, which leaves {left_kg:,.3g} kg of "
+        "propellant"
+    )
 
 
 def sought(
