@@ -430,6 +430,17 @@ def test_status_tells_the_story_of_a_flight(graph):
     assert not any(status.jettison_after_cutoff for status in statuses)
 
 
+def test_an_error_is_said_of_cycles_alone(graph):
+    """Leave the error of a leg that is over in place, as in a coast whose burn is not aimed yet."""
+    graph.start(VehicleSimNode)
+    guidance = graph.start(GuidanceNode)
+    for after in range(20, 50, 3):
+        graph.spin(lambda after=after: answers(graph) > after)
+        guidance._law.state["error"] = GuidanceStatus.PROPELLANT_SHORT
+    graph.spin(lambda: answers(graph) > 70)
+    assert not graph.reported("the target needs more propellant than is left")
+
+
 @pytest.mark.parametrize("pace", [20.0])
 def test_a_paced_flight_keeps_its_pace(graph, pace):
     simulator = graph.start(VehicleSimNode, pace=pace)

@@ -482,7 +482,7 @@ class GuidanceNode(FlightNode):
         if due:
             self._status_out.publish(answers.status())
             self._statuses += 1
-        self._report(now)
+        self._report(now, due)
 
     def _pass_over(self, now: int) -> None:
         """Count a late state, which arrived after a newer one, and do not answer it."""
@@ -534,7 +534,7 @@ class GuidanceNode(FlightNode):
             self.diagnostics.report(Level.ERROR, text, now, {"violations": violations})
         self._violations, self._violated = violations, violated
 
-    def _report(self, now: int) -> None:
+    def _report(self, now: int, due: bool) -> None:
         state = self._law.state
         ends = self._law.phase in (GuidanceStatus.PHASE_HOLD, GuidanceStatus.PHASE_CUTOFF)
         if ends and not self._published_longest_cycle:
@@ -547,16 +547,9 @@ class GuidanceNode(FlightNode):
         self._report_failures(now)
         self._report_navigation(now)
         self._report_monitors(now)
-        error = self._answers.reported_error
-        if error not in (self._reported, GuidanceStatus.NAVIGATION_INVALID):
-            self._reported = error
-            if error == GuidanceStatus.NONE:
-                self.diagnostics.report(Level.OK, "solution good again", now)
-            else:
-                stale = int(state["stale_cycles"])
-                self.diagnostics.report(
-                    Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
-                )
+        if due:
+            # between cycles, and in a coast before its burn is aimed, it is of the leg before
+            self._report_error(now)
         kind = self._law.kind
         solved = state["law"] in (kind.code, 0)
         if solved == self._fallen_back and not kind.needs_trajectory:
@@ -575,6 +568,19 @@ class GuidanceNode(FlightNode):
                     Level.WARN,
                     "the heating limit is not met before cut-off: planning without the jettison",
                     now,
+                )
+
+    def _report_error(self, now: int) -> None:
+        """Report each new error of a cycle, and the first cycle without one."""
+        error = self._answers.reported_error
+        if error not in (self._reported, GuidanceStatus.NAVIGATION_INVALID):
+            self._reported = error
+            if error == GuidanceStatus.NONE:
+                self.diagnostics.report(Level.OK, "solution good again", now)
+            else:
+                stale = int(self._law.state["stale_cycles"])
+                self.diagnostics.report(
+                    Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
                 )
 
     def _report_failures(self, now: int) -> None:
