@@ -12,6 +12,7 @@ from ares_bringup.rehearsal import rehearse
 from ares_studies.closed_loop import plan_solution
 from ares_trials.random_vehicles import random_coasting_mission
 from ares_trials.testing.samples import one_in
+from ares_vehicle_sim.simulator import CommandRefused, Simulator
 
 LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
 MISSIONS = Path(__file__).parents[1] / "src/ares_optimizer/test/missions"
@@ -66,6 +67,20 @@ def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
     )
     with pytest.raises(CannotStart, match=f"^{said}$"):
         rehearse(flown)
+
+
+def test_a_command_that_the_vehicle_refuses_is_told_with_its_reason(monkeypatch):
+    def command(vehicle, _steering):
+        if vehicle.sequence == 5:
+            raise CommandRefused("cutoff_time is 3 s; expected 155.9 s or later, or nan")
+
+    monkeypatch.setattr(Simulator, "command", command)
+    said = (
+        r"the vehicle refuses its command at [\d.]+ s: cutoff_time is 3 s; expected 155\.9 s or "
+        r"later, or nan"
+    )
+    with pytest.raises(CannotStart, match=rf"^law is 'peg', which misses .* \({said}\); no other"):
+        rehearse(parameters("atlas401_gto", "peg"))
 
 
 @pytest.mark.parametrize("law", one_in(2, ["peg", "igm"]))

@@ -184,12 +184,13 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
     """
     from ares_models.judge import End
     from ares_studies.closed_loop import fly_stepwise, ready_law
+    from ares_vehicle_sim.simulator import CommandRefused
 
     ready = ready_law(rehearsal.mission, law, rehearsal.settings, rehearsal.plan)
     try:
         plant = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready).plant
-    except ValueError:
-        return _End("the vehicle refuses an answer of it")
+    except CommandRefused as error:
+        return _End(f"the vehicle refuses its command {error}")
     judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
     reached = judged.end is End.TARGET
     return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)

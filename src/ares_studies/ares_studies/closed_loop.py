@@ -19,7 +19,7 @@ from ares_optimizer.solution import Solution
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
 from ares_vehicle_sim.dispersions import Dispersions
-from ares_vehicle_sim.simulator import Simulator, SimulatorOptions, true_vehicle
+from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions, true_vehicle
 
 
 @dataclass(frozen=True)
@@ -224,6 +224,10 @@ def fly_stepwise(
     """Fly a mission through the objects that the nodes use.
 
     Args: see :func:`fly_compiled`.
+
+    Raises:
+        CommandRefused: the vehicle refuses a command; one line with its time.
+        ValueError: see :func:`fly_compiled`.
     """
     simulator = Simulator(mission, options, dispersions, seed, flight, failure)
     if isinstance(law, str):
@@ -231,6 +235,9 @@ def fly_stepwise(
         law = ready_law(mission, law, state=first)
     while not simulator.complete:
         law.step(simulator.navigation)
-        simulator.command(law.steering)
+        try:
+            simulator.command(law.steering)
+        except CommandRefused as error:
+            raise CommandRefused(f"at {simulator.plant['time']:.9g} s: {error}") from error
         simulator.advance()
     return Flight(simulator.plant, law.state)
