@@ -76,7 +76,7 @@ def test_one_json_object(ares):
         ),
         (("--mission", "nothing"), "nothing"),
         (("--step-s", "0"), "--step-s"),
-        (("--out", "no/such/folder/map.html"), "its folder does not exist"),
+        (("--out", "no/such/folder/map.html"), "which cannot be written: No such file"),
     ],
 )
 def test_bad_input_is_one_line(ares, words, line):

@@ -77,6 +77,38 @@ def test_a_flight_that_cannot_be_shown_leaves_nothing(ares, tmp_path, room, verb
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("words", "work"),
+    [
+        (("optimize", "--out", "{file}/x.html"), "ares_bringup.commands.optimize.solve"),
+        (("aborts", "--out", "{file}/x.html"), "ares_bringup.commands.aborts.MapMaker"),
+        (("montecarlo", "--out", "{file}/new"), "ares_bringup.commands.montecarlo.rehearse"),
+        (("fly", "--bag", "{file}/bag"), "ares_bringup.fly.rehearse"),
+        (
+            ("report", str(REFERENCE), "--out", "{file}/x.html"),
+            "ares_bringup.commands.report.make_flight",
+        ),
+        (
+            ("plot", str(REFERENCE), "--out", "{file}/x.png"),
+            "ares_bringup.commands.plot.make_flight",
+        ),
+        (
+            ("export", str(REFERENCE), "--format", "csv", "--out", "{file}/x.csv"),
+            "ares_bringup.commands.export._exported",
+        ),
+    ],
+)
+def test_what_cannot_be_kept_is_not_begun(ares, tmp_path, monkeypatch, words, work):
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setattr(work, lambda *_args, **_named: pytest.fail("the work has begun"))
+    done = ares(*(word.format(file=file) for word in words))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith(": Not a directory\n")
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [file]
+
+
 @pytest.mark.parametrize("option", ["--start", "--end"])
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e300"])
 def test_a_time_that_is_none_is_one_line(ares, option, value):

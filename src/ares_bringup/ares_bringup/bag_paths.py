@@ -5,6 +5,9 @@ import os
 from datetime import UTC, datetime
 from pathlib import Path
 
+from ares_bringup.options import CannotStart
+from ares_models.writable import check_folder
+
 #: Environment variable that names the folder of new bags.
 BAGS_VARIABLE = "ARES_BAGS"
 
@@ -24,6 +27,18 @@ def bags_folder() -> Path:
     if named:
         return Path(named)
     return (workspace_root() or Path.cwd()) / "bags"
+
+
+def check_bag(bag: Path) -> None:
+    """Check, before the flight, that a bag can be made; leave nothing.
+
+    Raises:
+        CannotStart: it cannot; one line.
+    """
+    try:
+        check_folder(bag.parent)
+    except OSError as error:
+        raise CannotStart(f"bag {bag} cannot be created: {error.strerror}") from error
 
 
 def new_bag(mission: str, folder: Path | None = None, now: datetime | None = None) -> Path:

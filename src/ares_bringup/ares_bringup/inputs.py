@@ -3,8 +3,10 @@
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ares_bringup.bag_paths import check_bag
 from ares_bringup.facts import MissionFacts, facts_of
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_bringup.options import PEG, CannotStart, refusals
@@ -99,6 +101,8 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
         check_possible(str(flown["failure"]), name)
     if bag and os.path.lexists(bag):
         raise CannotStart(f"bag is {bag!r}, which exists; expected a new folder")
+    if bag:
+        check_bag(Path(bag))
 
 
 def _find_law(name: str) -> "LawKind":

@@ -13,7 +13,7 @@ from rich.text import Text
 from ares_bringup.options import CannotStart, refusal, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, shown_path
-from ares_bringup.whole_file import write_whole
+from ares_bringup.whole_file import check_file, write_whole
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.foreknown import begin_times
 from ares_studies.aborts.abort_map import AbortMap, MapMaker, MapSettings, Share
@@ -70,8 +70,8 @@ def aborts(options: AbortOptions) -> int:
     Raises:
         CannotStart: bad input; one line.
     """
-    if options.out is not None and not options.out.absolute().parent.is_dir():
-        raise CannotStart(f"--out is {str(options.out)!r}; its folder does not exist")
+    if options.out is not None:
+        check_file(options.out)
     settings = options.settings()
     try:
         maker = MapMaker(settings)

@@ -12,7 +12,7 @@ from ares_bringup.commands.report import recording_of
 from ares_bringup.options import ExportFormat, ExportTable
 from ares_bringup.outcomes import VERDICTS
 from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
-from ares_bringup.whole_file import write_whole
+from ares_bringup.whole_file import check_file, write_whole
 from ares_studies.export.czml import as_czml
 from ares_studies.export.kml import as_kml
 from ares_studies.export.recording import Export, ExportEvent
@@ -55,6 +55,7 @@ def export(
     tell_notes([flown])
     if out is None:
         out = find_file(path).parent / f"{table.value}.{form.value}"
+    check_file(out)
     what = _exported(flown)
     if form in _AS_GLOBE:
         write_whole(out, _AS_GLOBE[form](what))

@@ -39,7 +39,7 @@ from ares_studies.montecarlo.footprints import Footprints
 from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import FAILURES, Load, Summary, Tally, summarize
-from ares_studies.montecarlo.store import Store, StoreError
+from ares_studies.montecarlo.store import Store, StoreError, check_campaign
 from ares_studies.montecarlo.table import FLAGS, Verdict, make_table
 from ares_studies.montecarlo.ways import make_ways, sampled
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
@@ -153,6 +153,9 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
         CannotStart: bad input; one line.
     """
     settings = options.settings()
+    if options.out is not None:
+        with _one_line():
+            check_campaign(options.out)
     clock = time.monotonic()
     flown = {"mission": options.mission, "law": settings.law}
     if line := rehearse(flown | vars(settings.options) | vars(settings.law_settings)):

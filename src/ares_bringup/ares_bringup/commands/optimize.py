@@ -19,6 +19,7 @@ from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart, refusal
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
+from ares_bringup.whole_file import check_file
 from ares_models.kernels.environment import air_velocity, altitude
 from ares_models.kernels.vectors import norm
 from ares_models.mission import Mission, MissionError, load_mission
@@ -105,6 +106,8 @@ def optimize(
     Raises:
         CannotStart: bad mission, method, option or bag, or the page cannot be written; one line.
     """
+    if out is not None:
+        check_file(out)
     flown = None
     if beside is not None:
         from ares_bringup.recorded import read_flight

@@ -12,7 +12,7 @@ from ares_bringup.commands.report import recording_of
 from ares_bringup.marks import air_marks, apart, marks_of, words_of
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
-from ares_bringup.whole_file import write_whole
+from ares_bringup.whole_file import check_file, write_whole
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import Mission
 from ares_studies.flight_page.data import DrawnFlight, make_flight
@@ -41,6 +41,7 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
         out = find_file(path).parent / "flight.png"
     if out.suffix not in FORMATS:
         raise CannotStart(f"--out is {str(out)!r}; expected a file ending in {', '.join(FORMATS)}")
+    check_file(out)
     flight = make_flight(recording_of(flown.law, flown))
     figure = draw_flight(
         f"{flown.mission.title} - {flown.law}",

@@ -18,7 +18,7 @@ from ares_bringup.outcomes import Outcome
 from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path
 from ares_bringup.summary import FlightSummary
-from ares_bringup.whole_file import write_whole
+from ares_bringup.whole_file import check_file, write_whole
 from ares_studies.flight_page.budget import Budget
 from ares_studies.flight_page.data import AirPart, DrawnFlight, Recording, make_flight
 from ares_studies.flight_page.page import (
@@ -77,6 +77,7 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
     tell_notes(flown)
     if out is None:
         out = find_file(paths[0]).parent / (PAGE if len(paths) == 1 else COMPARISON)
+    check_file(out)
     names = short_names(flown)
     flights = [make_flight(recording_of(name, one)) for name, one in zip(names, flown, strict=True)]
     accounts = [

@@ -20,6 +20,7 @@ from typing import IO, Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ares_models.writable import check_folder
 from ares_studies.montecarlo.flights import Settings
 
 #: 2: columns of what comes down.
@@ -37,6 +38,22 @@ _PARTIAL = ".partial"
 
 class StoreError(ValueError):
     """Report in one line that a folder cannot hold this campaign."""
+
+
+def check_campaign(folder: Path) -> None:
+    """Check, before the work, that a folder can hold a campaign; leave nothing.
+
+    Raises:
+        StoreError: it holds something else, or cannot be written; one line.
+    """
+    try:
+        if folder.is_file():
+            raise StoreError(f"{folder}: is a file; expected a folder")
+        if folder.is_dir() and not (folder / SETTINGS).exists() and any(folder.iterdir()):
+            raise StoreError(f"{folder}: is no campaign; expected a new or empty folder")
+        check_folder(folder)
+    except OSError as error:
+        raise StoreError(f"{folder}: {error.strerror}") from error
 
 
 def describe(settings: Settings) -> dict[str, Any]:
@@ -90,10 +107,7 @@ class Store:
 
     def _begin(self, wanted: dict[str, Any]) -> None:
         file = self.folder / SETTINGS
-        if self.folder.is_file():
-            raise StoreError(f"{self.folder}: is a file; expected a folder")
-        if self.folder.is_dir() and not file.exists() and any(self.folder.iterdir()):
-            raise StoreError(f"{self.folder}: is no campaign; expected a new or empty folder")
+        check_campaign(self.folder)
         self._made = not self.folder.exists()
         self._parts.mkdir(parents=True, exist_ok=True)
         self._lock: IO[str] = file.open("a+", encoding="utf-8")
