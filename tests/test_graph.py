@@ -452,6 +452,23 @@ def test_a_paced_flight_keeps_its_pace(graph, pace):
     assert elapsed >= 20.0 / pace * 0.95
 
 
+def test_the_greatest_dynamic_pressure_is_told_above_the_air(graph):
+    """Tell it before the end, for the summary of a flight that is interrupted."""
+    start = load_mission("delta_iii_pad").start()
+    up = np.asarray(start.position) / np.linalg.norm(start.position)
+
+    def climb(_sequence, command):
+        command.direction = up
+        return command
+
+    simulator = graph.start(VehicleSimNode, mission="delta_iii_pad", navigation_period_s=1.0)
+    graph.add(ScriptedGuidance(graph.context, climb))
+    graph.wait_for_report("vehicle_sim: greatest dynamic pressure ")
+    assert not simulator.simulator.complete
+    graph.spin(lambda: end_of(graph, simulator))
+    assert sum("greatest dynamic pressure" in report for report in graph.reports) == 1
+
+
 # ---- flights that share a graph
 
 

@@ -63,6 +63,7 @@ class FlightSummary:
         foreign_messages: messages of other flights that the judge received and ignored.
         events: in the order of arrival.
         moments: found in states and statuses, see `timeline`.
+        passage: Mach 1 and greatest dynamic pressure of the climb; None: not known.
         first_converged: first status with an accepted solution.
         last_converged: last one.
         guidance_cycles: highest cycle number seen.
@@ -91,6 +92,7 @@ class FlightSummary:
     foreign_messages: int = 0
     events: list[Event] = field(default_factory=list)
     moments: list[Moment] = field(default_factory=list)
+    passage: "Passage | None" = None
     first_converged: GuidanceSample | None = None
     last_converged: GuidanceSample | None = None
     guidance_cycles: int = 0
@@ -143,7 +145,8 @@ class FlightSummary:
             self.forged.append(text)
 
     def set_air(self, passage: "Passage") -> None:
-        """Set the moments of the climb through the air."""
+        """Set the climb through the air, with its moments."""
+        self.passage = passage
         self.moments = [moment for moment in self.moments if moment.kind == HAND_OVER]
         self.moments += air_moments(passage)
 

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ares_bringup.summary import FlightSummary
     from ares_models.impacts import Impact
+    from ares_models.passage import AirState
     from ares_vehicle_sim.falls import Fall
 
 
 def to_json(summary: "FlightSummary") -> dict[str, Any]:
     """Return the object that `ares fly --json` prints; unknown numbers are None."""
-    judged = summary.judgement
+    judged, passage = summary.judgement, summary.passage
     errors = judged.errors if judged else {}
     keys = dict.fromkeys(("radius_m", "speed_m_s", "flight_path_angle_deg", "inclination_deg"))
     result = {
@@ -20,6 +21,8 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
         "guidance": summary.guidance,
         "t_plf_s": summary.t_plf_s,
         "t_meco_s": summary.t_meco_s,
+        "mach_1": _in_air(passage.mach_1) if passage else None,
+        "max_q": _in_air(passage.max_q) if passage else None,
         "m_f_kg": summary.m_f_kg,
         "planned_m_f_kg": summary.planned_m_f_kg,
         "insertion_error": {**keys, **errors},
@@ -35,6 +38,7 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
         "unguided_s": summary.unguided_s,
         "outcome": summary.outcome.value,
         "end": str(judged.end) if judged else None,
+        "reached": judged.reached() if judged else None,
         "exit_status": summary.exit_code,
         "impact": _impact(summary.impact),
         "falls": [_fall(fall) for fall in summary.falls],
@@ -64,6 +68,18 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
         ],
     }
     return {key: _json_value(value) for key, value in result.items()}
+
+
+def _in_air(state: "AirState | None") -> dict[str, float] | None:
+    if state is None:
+        return None
+    return {
+        "t_s": state.time_s,
+        "altitude_m": state.altitude_m,
+        "mass_kg": state.mass_kg,
+        "dynamic_pressure_pa": state.dynamic_pressure_pa,
+        "mach": state.mach,
+    }
 
 
 def _impact(impact: "Impact | None") -> dict[str, Any] | None:

@@ -87,6 +87,11 @@ def test_the_end_in_place_of_the_target_is_named_and_no_success(facts):
     lowered = good_flight(facts, speed=SPEED - 12.0)
     assert lowered.shortcomings()[1:] == ["target lowered by 12.0 m/s"]
     assert to_json(lowered)["end"] == "lowered"
+    assert to_json(lowered)["reached"] == "target lowered by 12.0 m/s"
+    near = good_flight(facts, radius=RADIUS + 800.0)
+    assert to_json(near)["end"] == "lowered"
+    assert to_json(near)["reached"] == near.shortcomings()[1]
+    assert to_json(near)["reached"].startswith("all of the target but its radius, perigee ")
     assert lowered.exit_code == 1
     # as slow, and too low to last
     low = good_flight(with_safe_perigee(facts, 200e3), speed=SPEED - 12.0)
@@ -466,7 +471,11 @@ def test_what_is_found_in_states_stands_among_the_events(facts, capsys):
         ("150.000", "-", "hand-over: closed-loop guidance begins"),
     ]
     # events are what the simulator says
-    assert len(to_json(summary)["events"]) == len(summary.events)
+    said = to_json(summary)
+    assert len(said["events"]) == len(summary.events)
+    assert said["max_q"]["dynamic_pressure_pa"] == 36_000.0
+    assert (said["mach_1"]["t_s"], said["mach_1"]["altitude_m"]) == (130.0, 6_200.0)
+    assert to_json(good_flight(facts))["max_q"] is None
 
 
 def test_close_marks_share_the_place_of_the_last_and_a_row_of_them_is_no_single_one():

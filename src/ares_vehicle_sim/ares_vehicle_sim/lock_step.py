@@ -67,6 +67,7 @@ class LockStep:
         self._values = values = node.values
         self._membership = membership
         self._passage = passage
+        self._told_passage: tuple[AirState | None, ...] = ()
         self.simulator = simulator
         self.report = report
         self.messages = FlightPublishers(node, membership, simulator)
@@ -206,14 +207,17 @@ class LockStep:
             self.messages.publish_event(event)
 
     def _pass_air(self, truth: Any) -> None:
-        """Follow the climb through the air; tell its greatest dynamic pressure at the end."""
+        """Follow the climb through the air; tell of it once above, and at the end if it is new."""
         passage = self._passage
         if passage is None:
             return
         names = ("altitude", "mass", "dynamic_pressure", "mach")
         now = (float(truth[name]) for name in names)
         passage.add(AirState(self.simulator.time_ns / NANOSECONDS, *now))
-        if self.simulator.complete and passage.max_q is not None:
+        over = self.simulator.complete or passage.left_s is not None
+        found = passage.mach_1, passage.max_q
+        if over and passage.max_q is not None and found != self._told_passage:
+            self._told_passage = found
             self.report(
                 Level.OK,
                 f"greatest dynamic pressure {passage.max_q.dynamic_pressure_pa / 1e3:.2f} kPa "
