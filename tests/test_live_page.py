@@ -96,6 +96,15 @@ class Command:
         return self.process.returncode, json.loads(out)
 
 
+TOO_HOT = """(idle) => {
+  live.about.limits.heating_w_m2 = 1e-12;
+  live.about.idle = idle;
+  showGauges();
+  const gauge = gauges.find((one) => one.dataset.key === "heating_w_m2");
+  return gauge.classList.contains("beyond");
+}"""
+
+
 @contextmanager
 def started(environment, *words):
     """Run a command that does not outlive the block."""
@@ -458,6 +467,9 @@ def test_a_replay_of_a_climb_is_followed_paused_and_paced(ros_environment, opene
         axes = page.evaluate("[3, 0].map((k) => plots[k]._fullLayout.xaxis.range[1])")
         assert axes[0] < 0.3 * axes[1]
         assert pressure["traces"] == whole["traces"] == 1
+        # red above the heating limit, but not with the fairing on
+        assert page.evaluate("live.about.idle") == []
+        assert [page.evaluate(TOO_HOT, idle) for idle in ([], ["heating_w_m2"])] == [True, False]
 
 
 def test_a_page_of_its_own_finds_the_flight(ros_environment, flown, opened):

@@ -127,6 +127,13 @@ def test_a_phase_for_each_arc_and_a_colour_for_each_burn(story):
     assert [phase["role"] for phase in phases] == ["here", "thesis"]
 
 
+def test_the_heating_limit_acts_once_the_fairing_is_off(story):
+    story.add_states(columns(0, 2))
+    assert story.news(Seen())[0]["about"]["idle"] == ["heating_w_m2"]
+    story.add_states({**columns(2, 1), "jettisoned": np.array([1])})
+    assert story.news(Seen())[0]["about"]["idle"] == []
+
+
 def test_diagnostics_are_counted_and_bounded(story):
     for k in range(3 * MAX_COMPLAINTS):
         story.add_complaint(float(k), "WARN", "guidance", f"text {k % (2 * MAX_COMPLAINTS)}")

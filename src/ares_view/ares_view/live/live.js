@@ -208,7 +208,7 @@ function showGauges() {
     gauge.querySelector("i").style.transform = `scaleX(${share})`;
     const word = limited ? "limit" : full.includes("_") ? "predicted at cut-off" : "most so far";
     gauge.querySelector(".of").textContent = limit ? `${word} ${figuresOf(limit, Math.min(1, digits))}` : "";
-    gauge.classList.toggle("beyond", limited && value > limit);
+    gauge.classList.toggle("beyond", limited && value > limit && !about.idle.includes(key));
   }
   byId("met").textContent = `${figuresOf(states.last("time_s"), 1)} s`;
   byId("rate").textContent = about.paused ? "paused" : about.rate === null ? "–" : `×${figuresOf(about.rate, 1)}`;

@@ -101,6 +101,13 @@ def _limits(mission: Mission) -> dict[str, float]:
     return {name: min(values) for name, values in known.items() if values}
 
 
+def _shields(mission: Mission) -> int:
+    """Return bits of the parts, by jettison, whose heating limit acts once they are off."""
+    limits = [part.heating_limit_w_m2 or math.inf for part in mission.jettisons]
+    least = min(limits, default=math.inf)
+    return sum(1 << k for k, limit in enumerate(limits) if limit == least < math.inf)
+
+
 class RowSeries:
     """Hold a bounded series of rows in order, numbered from 0; the last one is always kept.
 
@@ -173,6 +180,7 @@ class Story:
         self._phases: list[dict[str, Any]] = []
         self._phase: tuple[int, int] | None = None
         self._heard_at: float | None = None
+        self._shields = _shields(self._mission)
         self._air = mission is not None and flies_in_air(mission.arrays().arcs)
         self._passage = Passage()
         self._boosts = False
@@ -183,6 +191,8 @@ class Story:
             "law": "",
             "land": bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
             "limits": _limits(mission) if mission else {},
+            # limits that do not act yet
+            "idle": ["heating_w_m2"] if self._shields else [],
             "air": self._air,
             "in_air": self._air,
             "left_air_s": None,
@@ -324,6 +334,8 @@ class Story:
     def _note_phase(self, truth: Mapping[str, NDArray[Any]], i: int) -> None:
         """Start a new phase when the arc or the set of jettisoned parts changes."""
         now = int(truth["arc"][i]), int(truth["jettisoned"][i])
+        if now[1] & self._shields:
+            self._update(idle=[])
         if now != self._phase:
             self._phase = now
             name = phase_name(*now, self._mission) if self._mission_known else f"arc {now[0]}"
