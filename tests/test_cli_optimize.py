@@ -193,6 +193,17 @@ def test_the_greatest_dynamic_pressure_is_told(capsys):
     assert np.linalg.norm(relative) == pytest.approx(speed, rel=0.01)
 
 
+def test_a_dynamic_pressure_that_no_launcher_has_is_warned_of(capsys, monkeypatch):
+    words = ("optimize", "--json", "--mission", "delta_iii_pad")
+    main(words)
+    assert "warning" not in capsys.readouterr().err
+    monkeypatch.setattr("ares_models.mission_warnings.MOST_PRESSURE", 6e4)
+    main(words)
+    assert capsys.readouterr().err.startswith(
+        "ares: warning: the planned flight passes through 61 kPa, launchers through 20 to 60 kPa; "
+    )
+
+
 def test_the_wind_of_the_plan_is_told(tmp_path, capsys):
     text = MISSION.find("delta_iii_pad").read_text()
     table = "wind_table: [[0.0, 3.0, 4.0], [12000.0, -40.0, 30.0]]"

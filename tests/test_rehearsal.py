@@ -59,6 +59,14 @@ def test_a_loss_is_told_before_anything_starts(monkeypatch):
     assert lost == pytest.approx(100.0 * (1.0 - flown / planned), abs=0.006)
 
 
+def test_an_implausible_dynamic_pressure_is_told_before_anything_starts(monkeypatch):
+    mission = {"mission": "electron_sso_pad", "law": "optimal"}
+    assert "kPa" not in rehearse(mission)
+    monkeypatch.setattr("ares_models.mission_warnings.MOST_PRESSURE", 2e4)
+    said = r"the planned flight passes through \d\d kPa, launchers through 20 to 60 kPa; "
+    assert re.search(said, rehearse(mission))
+
+
 def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
     flown = {"mission": "ariane5_eca", "law": "peg", "max_iterations": 1}
     said = (

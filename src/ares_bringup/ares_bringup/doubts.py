@@ -15,4 +15,9 @@ def show_warnings(name: str) -> None:
     """
     with suppress(ValueError):
         for line in file_warnings(name):
-            print(f"ares: warning: {line}", file=sys.stderr, flush=True)
+            show_warning(line)
+
+
+def show_warning(line: str) -> None:
+    """Print a warning on standard error."""
+    print(f"ares: warning: {line}", file=sys.stderr, flush=True)

@@ -52,10 +52,12 @@ class _End:
     Attributes:
         missed: quantities beyond their tolerance.
         mass_kg: at cut-off; 0 if the target is missed.
+        most_pa: greatest dynamic pressure; nan: not known.
     """
 
     missed: str
     mass_kg: float = 0.0
+    most_pa: float = math.nan
 
 
 def rehearse(flown: Mapping[str, Any]) -> str:
@@ -65,13 +67,15 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         flown: parameters of guidance and simulator by name, as far as given.
 
     Returns:
-        The expected loss of mass, one line; "" if it is small, or there is no plan.
+        The expected loss of mass and an implausible dynamic pressure, one line; "" if there is
+        neither, or no plan.
 
     Raises:
         CannotStart: no plan is found, or the law does not reach the target by it, or asks for it
             and loses mass; one line.
     """
     from ares_models.mission import load_mission
+    from ares_models.mission_warnings import pressure_warning
 
     name = str(flown.get("mission", "ares_v"))
     mission = load_mission(name)
@@ -94,17 +98,18 @@ def rehearse(flown: Mapping[str, Any]) -> str:
             f"law is {law!r}, which misses the target when the mission is flown ahead "
             f"({end.missed}); {_advice(rehearsal, law)}"
         )
+    doubt = pressure_warning(mission, end.most_pa)
     plan_kg = rehearsal.plan.m_f_kg
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
-        return ""
+        return doubt
     loss = (
         f"expected to end with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
         f"the plan's {plan_kg:,.1f} kg"
     )
     if end.mass_kg < rehearsal.least_kg:
         raise CannotStart(f"law is {law!r}, which is {loss}; {_advice(rehearsal, law)}")
-    return f"law {law} is {loss}"
+    return "; ".join(filter(None, (f"law {law} is {loss}", doubt)))
 
 
 @contextmanager
@@ -193,7 +198,8 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
         return _End(f"the vehicle refuses its command {error}")
     judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
     reached = judged.end is End.TARGET
-    return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)
+    mass_kg = float(plant["mass"]) if reached else 0.0
+    return _End("; ".join(judged.misses()), mass_kg, float(plant["most_dynamic_pressure"]))
 
 
 def _surplus(plan: "Solution") -> str:

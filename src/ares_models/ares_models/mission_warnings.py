@@ -32,7 +32,8 @@ CHEMICAL_ACCELERATION = 0.1
 FIERCEST = 500.0
 #: Longest burn of a chemical engine, s.
 LONGEST_BURN = 86_400.0
-#: Largest dynamic pressure at the start, Pa; launchers have at most 50 kPa.
+#: Largest dynamic pressure at the start, and of a planned flight, Pa: four times the 35.2 kPa of
+#: AS-506 (MPR-SAT-FE-69-9). Launchers have 20 to 60 kPa, fierce solid ones more.
 MOST_PRESSURE = 1.5e5
 #: Least speed, m/s, of a start above an altitude, m.
 SLOWEST, SLOWEST_FROM = 20.0, 1e4
@@ -107,6 +108,22 @@ def file_warnings(name_or_path: str | Path) -> list[str]:
     path = MISSION.find(name_or_path)
     _, lines = read_input(path, MISSION)
     return [f"{path}: {at_line(doubt.path, doubt.text, lines)}" for doubt in doubts]
+
+
+def pressure_warning(mission: "Mission", most_pa: float) -> str:
+    """Return a warning of a planned flight's greatest dynamic pressure, one line; "": none.
+
+    Args:
+        mission: that was planned.
+        most_pa: greatest dynamic pressure, Pa; nan: not known.
+    """
+    limited = any(stage.max_dynamic_pressure_pa for stage in mission.stages)
+    if limited or not most_pa > MOST_PRESSURE:
+        return ""
+    return (
+        f"the planned flight passes through {most_pa / 1e3:,.0f} kPa, launchers through 20 to "
+        "60 kPa; max_dynamic_pressure_pa of a stage limits it"
+    )
 
 
 def at_its_line(text: str, name_or_path: str | Path) -> str:

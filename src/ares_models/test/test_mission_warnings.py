@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warnings name doubtful values by line and key; sound missions have none."""
 
+import math
+
 import pytest
 import yaml
 
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, TEMPLATE, list_missions, load_mission
-from ares_models.mission_warnings import file_warnings, warnings
+from ares_models.mission_warnings import file_warnings, pressure_warning, warnings
 
 
 @pytest.mark.parametrize("name", [*list_missions(), TEMPLATE])
 def test_of_a_shipped_mission_nothing_is_said(name):
     assert warnings(load_mission(name)) == []
     assert file_warnings(name) == []
+
+
+def test_a_plan_through_thick_air_is_doubtful_where_no_stage_has_a_limit():
+    free, limited = load_mission("delta_iii_pad"), load_mission(TEMPLATE)
+    assert pressure_warning(free, 273e3).startswith("the planned flight passes through 273 kPa, ")
+    for mission, most in ((free, 149e3), (free, math.nan), (limited, 273e3)):
+        assert pressure_warning(mission, most) == ""
 
 
 #: Stands for a key that is left out.

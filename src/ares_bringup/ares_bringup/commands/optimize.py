@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.commands.interrupts import note_found
-from ares_bringup.doubts import show_warnings
+from ares_bringup.doubts import show_warning, show_warnings
 from ares_bringup.options import CannotStart, refusal
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
@@ -24,7 +24,7 @@ from ares_models.kernels.environment import air_velocity, altitude
 from ares_models.kernels.vectors import norm
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
-from ares_models.mission_warnings import FAR_ABOVE
+from ares_models.mission_warnings import FAR_ABOVE, pressure_warning
 from ares_models.plans import flies_in_air
 from ares_models.registry import registered
 from ares_models.splines import hermite_table
@@ -130,6 +130,7 @@ def optimize(
             )
     except (MissionError, OptimizerError) as error:
         raise refusal(error, mission, mission_name) from error
+    _doubt_pressure(mission, solution)
     if as_json:
         print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
     else:
@@ -156,6 +157,7 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
         as_json,
         lambda mission, tell: greatest_payload(mission, time_limit_s, tell, _note_payload),
     )
+    _doubt_pressure(found.mission, found.solution)
     if as_json:
         known = {"payload_kg": found.payload_kg, "left_kg": found.left_kg}
         text = {**known, **found.solution.to_json(mission.arc_names)}
@@ -171,6 +173,13 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
             )
         _print(found.mission, found.solution, out)
     return VERDICTS.get(found.solution.status, NOT_FOUND)[1]
+
+
+def _doubt_pressure(mission: Mission, solution: Solution) -> None:
+    """Warn of a dynamic pressure that no launcher flies through."""
+    most = _most_pressure(mission, solution)
+    if line := pressure_warning(mission, most[0] if most else math.nan):
+        show_warning(line)
 
 
 def _note_payload(payload_kg: float, left_kg: float) -> None:
@@ -277,12 +286,16 @@ def _results(solution: Solution) -> dict[str, float]:
     }
 
 
-def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
-    """Describe the greatest dynamic pressure of a flight in the air, by name."""
+def _most_pressure(mission: Mission, solution: Solution) -> tuple[float, float, float] | None:
+    """Return the greatest dynamic pressure of a flight, Pa, with its time, s, and altitude, m.
+
+    None of a flight above the air, and where it was greater before the first state, in a programme
+    of the file.
+    """
     track = solution.trajectory
     arrays = mission.arrays()
     if track is None or not flies_in_air(arrays.arcs):
-        return {}
+        return None
     environment = arrays.environment[0]
     air, factor = mission.atmosphere(), mission.environment.atmosphere.density_factor
     time_s, first = np.unique(track.time_s, return_index=True)
@@ -300,15 +313,24 @@ def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
         speeds = [norm(air_velocity(*at, environment)) for at in zip(places, moving, strict=True)]
         return heights, 0.5 * densities * np.square(speeds)
 
-    facts = {}
     k = int(np.argmax(passed(time_s)[1]))
-    # at the first state it was greater before, in a programme of the file
-    if k:
-        time = np.linspace(time_s[k - 1], time_s[min(k + 1, len(time_s) - 1)], _BETWEEN)
-        heights, pressures = passed(time)
-        k = int(np.argmax(pressures))
-        place = f"at {time[k]:.1f} s and {heights[k] / 1e3:.1f} km"
-        facts["greatest dynamic pressure"] = f"{pressures[k] / 1e3:.2f} kPa {place}"
+    if not k:
+        return None
+    time = np.linspace(time_s[k - 1], time_s[min(k + 1, len(time_s) - 1)], _BETWEEN)
+    heights, pressures = passed(time)
+    k = int(np.argmax(pressures))
+    return float(pressures[k]), float(time[k]), heights[k]
+
+
+def _air_facts(mission: Mission, solution: Solution) -> dict[str, str]:
+    """Describe the greatest dynamic pressure of a flight in the air, and its wind, by name."""
+    if solution.trajectory is None or not flies_in_air(mission.arrays().arcs):
+        return {}
+    facts = {}
+    if greatest := _most_pressure(mission, solution):
+        pressure, time, height = greatest
+        place = f"at {time:.1f} s and {height / 1e3:.1f} km"
+        facts["greatest dynamic pressure"] = f"{pressure / 1e3:.2f} kPa {place}"
     if knots := mission.environment.atmosphere.wind_table:
         height, *most = max(knots, key=lambda knot: math.hypot(*knot[1:]))
         strongest = f"up to {math.hypot(*most):.1f} m/s at {height / 1e3:.1f} km"
