@@ -297,7 +297,13 @@ class Mission(Part):
     def fixed_propellant(self, stage: int) -> float:
         """Return the propellant of a stage's burns of fixed length and of its boosters, kg."""
         part = self.stages[stage]
-        core = part.fixed_propellant(self.environment.g0_m_s2, self.ignition_mass(stage))
+        timed = (
+            (jettison.time_after_ignition_s, jettison.mass_kg)
+            for jettison in self.drops
+            if jettison.stage == part.name and jettison.time_after_ignition_s is not None
+        )
+        whole = self.ignition_mass(stage)
+        core = part.fixed_propellant(self.environment.g0_m_s2, whole, sorted(timed))
         return core + part.booster_propellant_kg
 
     def ignition_times(self) -> tuple[float, ...]:

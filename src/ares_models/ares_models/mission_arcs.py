@@ -431,20 +431,32 @@ class BurnArc(Part):
         """Return the mass flow at full thrust, T / (g0 Isp), kg/s; Eq. 2.1."""
         return self.full_thrust_n / self.exhaust_velocity(g0)
 
-    def propellant(self, g0: float, mass_kg: float) -> float:
+    def propellant(
+        self, g0: float, mass_kg: float, drops: Sequence[tuple[float, float]] = ()
+    ) -> float:
         """Compute the propellant of a burn with start and tail-off, kg; inf if free.
 
         Args:
             g0: m/s2.
-            mass_kg: at ignition; needed for a throttled burn only.
+            mass_kg: at ignition; needed for a throttled burn only, as are the drops.
+            drops: what is dropped meanwhile, in order: s after ignition, kg.
         """
         if self.thrust_table is not None:
             return self.table(g0).propellant_kg
         flow = self.mass_flow(g0)
         time = self.duration_s - self.start_loss_s + self.tail_gain_s
-        limit = self.max_acceleration_m_s2
-        if limit is None or math.isinf(time):
+        if self.max_acceleration_m_s2 is None or math.isinf(time):
             return flow * time
+        used = begin = 0.0
+        for end, dropped in (*drops, (time, 0.0)):
+            used += self._throttled(g0, mass_kg - used, min(end, time) - begin)
+            mass_kg -= dropped
+            begin = min(end, time)
+        return used
+
+    def _throttled(self, g0: float, mass_kg: float, time: float) -> float:
+        """Compute the propellant of a part of a throttled burn, kg; its mass, kg, and length, s."""
+        flow, limit = self.mass_flow(g0), self.max_acceleration_m_s2 or math.inf
         # full thrust until the acceleration limit, constant acceleration until the least
         # thrust, then least thrust
         least = self.least_throttle

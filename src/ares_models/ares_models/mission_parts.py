@@ -5,12 +5,13 @@ The key of a number ends in its unit; ``_deg`` keys are in degrees, everything e
 across several parts are in ``mission_checks``.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
 from ares_models.arrays import MAX_ARCS, MAX_AREAS
-from ares_models.mission_arcs import BURN_FORMS, Arc, BurnArc, CoastArc, EngineOut
+from ares_models.mission_arcs import BURN_FORMS, Arc, BurnArc, CoastArc, EngineOut, shortest
 from ares_models.mission_boosters import Booster, BurnPart, burn_parts
 from ares_models.mission_keys import (
     Acceleration,
@@ -414,17 +415,31 @@ class Stage(Part):
         first = not any(isinstance(before, BurnArc) for before in self.flight_arcs[:k])
         return burn_parts(arc.name or self.name, arc, self.boosters if first else (), g0)
 
-    def fixed_propellant(self, g0: float, mass_kg: float) -> float:
+    def fixed_propellant(
+        self, g0: float, mass_kg: float, drops: Sequence[tuple[float, float]] = ()
+    ) -> float:
         """Compute the propellant of all burns of fixed length without boosters, kg.
 
         Args:
             g0: m/s2.
             mass_kg: of the stage and all above it at its start.
+            drops: jettisons at known times, in order: s after the first ignition, kg.
         """
-        used = 0.0
-        for burn in self.burns:
-            if not burn.free:
-                used += burn.propellant(g0, mass_kg - used)
+        used, begin = 0.0, 0.0
+        # boosters burn out, and drop, before the end of the first burn
+        left_alone = max((booster.end_s(g0) for booster in self.boosters), default=0.0)
+        lit = False
+        for arc in self.flight_arcs:
+            lit = lit or isinstance(arc, BurnArc)
+            if not lit:
+                continue
+            if isinstance(arc, BurnArc) and not arc.free:
+                gone = sum(mass for at, mass in drops if at <= begin)
+                later = [(at - begin, mass) for at, mass in drops if at > begin]
+                if begin > 0.0:
+                    gone += self.booster_propellant_kg
+                used += arc.propellant(g0, mass_kg - gone - used, later)
+            begin = max(begin + shortest(arc), left_alone)
         return used
 
 

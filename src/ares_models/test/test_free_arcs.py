@@ -77,11 +77,13 @@ def test_first_ignitions_are_the_earliest(mission):
     assert mission.ignition_times() == pytest.approx((0.0, 148.1, 168.1))
 
 
-def flown_propellant(burn, mass):
+def flown_propellant(burn, mass, drops=()):
     """Integrate by small steps."""
     step = 1e-3
     used = 0.0
-    for _ in range(round(burn.burn_time_s / step)):
+    at = {round(time / step): dropped for time, dropped in drops}
+    for k in range(round(burn.burn_time_s / step)):
+        mass -= at.get(k, 0.0)
         limited = burn.max_acceleration_m_s2 * (mass - used)
         thrust = min(burn.thrust_n, max(limited, burn.least_throttle * burn.thrust_n))
         used += step * thrust / (G0 * burn.isp_s)
@@ -90,7 +92,8 @@ def flown_propellant(burn, mass):
 
 @pytest.mark.parametrize("least", [None, 0.4, 1.0])
 @pytest.mark.parametrize("limit", [5.0, 20.0, 60.0])
-def test_propellant_of_a_throttled_burn(least, limit):
+@pytest.mark.parametrize("drops", [(), ((30.0, 4000.0), (90.0, 500.0))])
+def test_propellant_of_a_throttled_burn(least, limit, drops):
     burn = BurnArc(
         thrust_n=456100.0,
         isp_s=315.0,
@@ -99,4 +102,47 @@ def test_propellant_of_a_throttled_burn(least, limit):
         min_throttle=least,
     )
     mass = 32758.0
-    assert burn.propellant(G0, mass) == pytest.approx(flown_propellant(burn, mass), rel=1e-5)
+    flown = flown_propellant(burn, mass, drops)
+    assert burn.propellant(G0, mass, drops) == pytest.approx(flown, rel=1e-5)
+
+
+BOOSTED = """
+payload_kg: 1000.0
+stages:
+  - name: one
+    dry_mass_kg: 10000.0
+    propellant_kg: {propellant}
+    boosters:
+      - {{name: strap-ons, count: 2, dry_mass_kg: 4000.0, propellant_kg: 30000.0,
+          thrust_n: 1.0e6, burn_time_s: 80.0}}
+    arcs:
+      - {{name: boosted, thrust_n: 1.0e6, isp_s: 320.0, burn_time_s: 90.0}}
+      - {{name: throttled, thrust_n: 1.0e6, isp_s: 320.0, burn_time_s: 120.0,
+          max_acceleration_m_s2: 30.0}}
+  - name: two
+    dry_mass_kg: 500.0
+    propellant_kg: 6000.0
+    thrust_n: 60000.0
+    isp_s: 340.0
+    burn_time_s: free
+jettisons:
+  - {{name: fairing, mass_kg: 1500.0, stage: one, time_after_ignition_s: 150.0}}
+"""
+
+
+def test_what_was_dropped_counts_in_a_throttled_burn(tmp_path):
+    """Write a throttled burn with its length after boosters, with the propellant that it takes."""
+    path = tmp_path / "boosted.yaml"
+    path.write_text(HEAD + BOOSTED.format(propellant=70000.0))
+    mission = load_mission(path)
+    stage = mission.stages[0]
+    boosted, throttled = stage.burns
+    first = boosted.propellant(G0, math.nan)
+    # without boosters, and the fairing comes off after 60 s
+    mass = mission.ignition_mass(0) - 68000.0 - first
+    taken = first + flown_propellant(throttled, mass, [(60.0, 1500.0)])
+    assert mission.fixed_propellant(0) - 60000.0 == pytest.approx(taken, rel=1e-5)
+    # less than at full thrust
+    assert taken < 0.98 * first * 210.0 / 90.0
+    path.write_text(HEAD + BOOSTED.format(propellant=taken + 1.0))
+    assert load_mission(path).propellant(0) == pytest.approx(60000.0 + taken + 1.0)
