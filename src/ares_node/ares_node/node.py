@@ -46,7 +46,8 @@ class FlightNode(LifecycleNode):
     one-line text) refuses the transition: the reason is kept in `failure` and goes to /rosout.
 
     Attributes:
-        disposable: the work of a callback may be dropped at the end of the process.
+        disposable: at the end of the process the work of a callback may be dropped, and what is
+            freed then, by the middleware too, is not waited for.
         values: parameters in force, by name; those set before `configure` are included.
         diagnostics: the node's reports.
         heartbeat: the node's heartbeat.

@@ -50,6 +50,10 @@ def _keep() -> bool:
     return False
 
 
+def _drop() -> bool:
+    return True
+
+
 class StopSignals:
     """Handle SIGINT, SIGTERM and SIGHUP by a flag, and keep the context valid.
 
@@ -247,7 +251,7 @@ def _run(
                 while not (stop.requested or node.done) and context.ok():
                     spinner.spin()
             stop.wake_with(executor.wake)
-            stop.abandonable = _keep
+            stop.abandonable = _drop if node.disposable else _keep
             node.drain(executor)
         except Exception:
             traceback.print_exc()
@@ -255,7 +259,7 @@ def _run(
         return node.exit_code
     finally:
         stop.starting = False
-        stop.abandonable = _keep
+        stop.abandonable = _drop if node is not None and node.disposable else _keep
         stop.wake_with(None)
         if node is not None:
             # an error while tearing down must not hide the exit status

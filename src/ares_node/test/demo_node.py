@@ -15,7 +15,7 @@ from ares_node.run import run_node
 
 MODES = (
     "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start",
-    "stuck_start", "wrapped_start", "disposable", "warn", "refuse_later",
+    "stuck_start", "wrapped_start", "disposable", "stuck_end", "warn", "refuse_later",
 )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ class DemoNode(FlightNode):
             print("starting", flush=True)
             hold()
         self.ticks = 0
-        self.disposable = mode == "disposable"
+        self.disposable = mode in ("disposable", "stuck_end")
 
     def activate(self) -> None:
         if self.values["mode"] == "refuse_later" and self.ticks:
@@ -87,6 +87,8 @@ class DemoNode(FlightNode):
 
     def cleanup(self) -> None:
         print("cleaned up", flush=True)
+        if self.values["mode"] == "stuck_end":
+            hold()
 
     def abandon(self) -> None:
         if self.values["mode"].endswith("_start"):

@@ -195,6 +195,8 @@ class ViewNode(FlightNode):
     shows the newest state at its rate; the path is built from all states received.
     """
 
+    disposable = True
+
     def __init__(self, **kwargs: Any) -> None:
         """Declare the parameters."""
         super().__init__("view", parameters=PARAMETERS, **kwargs)
