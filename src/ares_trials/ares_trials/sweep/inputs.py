@@ -24,6 +24,9 @@ Path = tuple[str | int, ...]
 
 _MISSING = object()
 _DELETED = object()
+#: Stands for a value in the text of a file; in no file.
+_PLACE = "\0"
+_PLACE_TEXT = json.dumps(_PLACE)
 
 #: Tokens that JSON and YAML write differently, and texts, which stay unchanged.
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')
@@ -103,9 +106,16 @@ def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> It
     """
     seen = set()
     for name, base in bases.items():
+        around: dict[Path, tuple[str, ...]] = {}
         for path, value, fit in _mapping(model, dict(base), ()):
             data = _put(base, path, value)
-            text = json.dumps(data)
+            if value is _DELETED:
+                text = json.dumps(data)
+            else:
+                # what stands beside the value is the same for each
+                if path not in around:
+                    around[path] = tuple(json.dumps(_put(base, path, _PLACE)).split(_PLACE_TEXT))
+                text = json.dumps(value).join(around[path])
             if text not in seen:
                 seen.add(text)
                 yield Input(name, path, value, data, fit)
