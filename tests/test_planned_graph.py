@@ -21,6 +21,7 @@ from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
 from ares_optimizer import kept
 from ares_optimizer.messages import RequestServer
+from ares_optimizer.registry import SHARED_SOLUTIONS
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import offline_trajectory
 from ares_trials.testing.laws import RESTART
@@ -355,12 +356,19 @@ def test_a_flight_without_pace_waits_for_a_restarted_guidance_that_plans(
     assert np.linalg.norm(graph.events[-1].position) == pytest.approx(6556000.0, abs=1.0)
 
 
-def test_a_flight_takes_one_search(ares, monkeypatch):
+def test_a_flight_takes_one_search(ares, monkeypatch, tmp_path):
     searches = []
     search = kept.solve
     monkeypatch.setattr(kept, "_kept", type(kept._kept)())
     monkeypatch.setattr(kept, "solve", lambda *a, **k: searches.append(a[1]) or search(*a, **k))
+    monkeypatch.delenv(SHARED_SOLUTIONS, raising=False)
     words = ("fly", "--in-process", "--no-record", "--nav-period", "1")
     done = ares(*words, "--mission", "ariane5_eca")
     assert done.returncode == 0, done.stderr
     assert searches == ["auto"]
+    # flights that share a folder find what another process has found
+    monkeypatch.setenv(SHARED_SOLUTIONS, str(tmp_path))
+    for _ in range(2):
+        kept._kept.clear()
+        assert ares(*words, "--mission", "ariane5_eca").returncode == 0
+    assert searches == ["auto"] * 2

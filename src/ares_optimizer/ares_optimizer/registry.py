@@ -13,7 +13,8 @@ HELD_METHODS = ("auto", "collocation", "indirect", "direct11", "direct14", "dire
 #: Methods of this package.
 METHODS = (AUTO, COLLOCATION, *INDIRECT_METHODS, *DIRECT_METHODS)
 
-#: Environment variable with a folder in which the processes of a flight share solutions.
+#: Environment variable with a folder in which the processes of a flight, or of several, share
+#: solutions.
 SHARED_SOLUTIONS = "ARES_SHARED_SOLUTIONS"
 
 #: Entry points of this group are methods: `name = module:object`, the object a

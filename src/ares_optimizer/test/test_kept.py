@@ -14,6 +14,7 @@ from ares_optimizer.solution import Status
 @pytest.fixture(autouse=True)
 def nothing_kept(monkeypatch):
     monkeypatch.setattr(kept, "_kept", type(kept._kept)())
+    monkeypatch.delenv(SHARED_SOLUTIONS, raising=False)
 
 
 def solved(method="indirect", higher_m=0.0, limit_s=None, heating=0.0):
