@@ -51,6 +51,8 @@ def short_of_propellant(search: Search) -> Shortage | None:
     The search is repeated with more propellant in the last stage: there is a flight to find, which
     is fast. A solution that needs no more than the mission has goes to the search of the mission.
     """
+    if search.request.deadline.passed:
+        return None
     arrays = with_more_propellant(search.arrays)
     arcs = arrays.arcs
     last = arcs["stage"] == arcs[-1]["stage"]
