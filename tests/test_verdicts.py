@@ -40,9 +40,11 @@ PROGRAMS = {
 }
 #: What the tests of the layout, of the faults and of `ares fly` hold too.
 HELD_ELSEWHERE = {
+    ("all is well", FLY),
     ("guidance killed", FLY),
     ("guidance killed and restarted", FLY),
     ("recorder killed", FLY),
+    ("simulator killed", FLY),
     ("Ctrl-C", FLY),
     ("Ctrl-C", IN_PROCESS),
 }

@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/your_law.md, followed literally, except for the place of installation."""
 
+import importlib
 import json
 import os
 import re
 import subprocess
 import sys
 from dataclasses import fields
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ares_bags.reader import open_bag
+from ares_guidance import own_law
 from ares_guidance.law import LawKind
+from ares_guidance.registry import GROUP
+from ares_models.arrays import NAVIGATION
 from ares_trials.testing.samples import one_in
 
 PAGE = Path(__file__).parent.parent / "docs" / "your_law.md"
@@ -92,8 +98,14 @@ def test_a_law_that_is_broken_is_one_line(installed, tmp_path):
     ("right", "wrong", "line", "reason"),
     [
         ("r_go = sub(", "r_go = subb(", 30, "NameError: name 'subb' is not defined"),
-        ("nav.position", "nav.positon", 18, "KeyError: 'positon'"),
-        ("norm(sub(v_go, before))", "norm(sub(v_go))", 50, "Cannot bind"),
+        # to compile as far takes seconds
+        pytest.param(
+            *("nav.position", "nav.positon", 18, "KeyError: 'positon'"), marks=pytest.mark.trial
+        ),
+        pytest.param(
+            *("norm(sub(v_go, before))", "norm(sub(v_go))", 50, "Cannot bind"),
+            marks=pytest.mark.trial,
+        ),
         ("LAW = law_of_pass(", "LAW = lawofpass(", 53, "NameError: name 'lawofpass'"),
         ("def iterate(", "def iterate((", 14, "SyntaxError"),
     ],
@@ -112,6 +124,29 @@ def test_a_law_that_fails_is_one_line_that_names_the_place(
     assert refused.stderr.count("\n") == 1
     said = f"ares: law linear_tangent fails in {path}, line {line}: {reason}"
     assert refused.stderr.startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [("nav.time + nav.tme", "KeyError: 'tme'"), ("nav.time + half()", "Cannot bind")],
+)
+def test_a_kernel_that_fails_is_one_line_that_names_the_place(tmp_path, monkeypatch, wrong, reason):
+    """Compile a kernel that is called by another, as the pass of a law is."""
+    path = tmp_path / "some_law.py"
+    path.write_text(
+        "from ares_models.jit import kernel\n\n\n"
+        "@kernel\ndef half(x):\n    return 0.5 * x\n\n\n"
+        f"@kernel\ndef iterate(nav):\n    return {wrong}\n\n\n"
+        "@kernel\ndef answer(nav):\n    return iterate(nav)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    law = EntryPoint("some_law", "some_law:LAW", GROUP)
+    monkeypatch.setattr(own_law, "registered", lambda _: {"some_law": law})
+    answer = importlib.import_module("some_law").answer
+    said = re.escape(f"law some_law fails in {path}, line 11: {reason}")
+    with pytest.raises(ValueError, match=f"^{said}"), own_law.one_line_each("some_law"):
+        answer(np.zeros(1, NAVIGATION)[0])
+    del sys.modules["some_law"]
 
 
 def test_what_pages_name_of_a_law_there_is():

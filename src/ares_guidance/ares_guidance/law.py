@@ -218,6 +218,7 @@ class Law:
                 "solves the flight through the air"
             )
         self._arrays = arrays
+        self._needs_plan = needs_plan(arrays.arcs, arrays.target[0], arrays.environment[0])
         self.kind = kind
         self._answer = _entry(kind)
         self._settings = (settings or LawSettings()).record()
@@ -362,9 +363,7 @@ class Law:
     @property
     def by_plan(self) -> bool:
         """Return whether the law flies by a plan."""
-        return self.asks or needs_plan(
-            self._arrays.arcs, self._arrays.target[0], self._arrays.environment[0]
-        )
+        return self.asks or self._needs_plan
 
     @property
     def plan(self) -> ArcPlan | None:
