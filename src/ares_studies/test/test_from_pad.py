@@ -157,7 +157,7 @@ def ready(mission, solution, name="peg"):
 
 def flown(mission, solution, name):
     """Fly a mission by a law with the plan of a solution."""
-    return fly_stepwise(mission, law=ready(mission, solution, name)).plant
+    return fly_compiled(mission, law=ready(mission, solution, name)).plant
 
 
 @pytest.mark.parametrize(
@@ -184,6 +184,8 @@ def test_the_optimum_from_the_pad_is_the_published_one(delta):
 def test_a_law_flies_from_the_pad_to_the_target(delta, law, most):
     mission, solution = delta
     end = flown(mission, solution, law)
+    stepwise = fly_stepwise(mission, law=ready(mission, solution, law)).plant
+    assert float(end["mass"]) == pytest.approx(float(stepwise["mass"]), abs=1e-6)
     assert end["inserted"]
     assert 1.0 - float(end["mass"]) / solution.m_f_kg < most
     axis = 1.0 / (
@@ -803,7 +805,7 @@ def test_no_law_takes_over_before_a_solid_motor_that_it_cannot_lengthen():
         assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
 
 
-@pytest.mark.parametrize(("latitude", "argument"), [(-28.5618, 180.0), (28.5618, 0.0)])
+@pytest.mark.parametrize(("latitude", "argument"), one_in(2, [(-28.5618, 180.0), (28.5618, 0.0)]))
 def test_a_parking_coast_of_most_of_a_revolution_ends_at_the_perigee(latitude, argument):
     """Coast to the other node: from a pad in the other hemisphere, or to the other perigee."""
     mission = load_mission("falcon9_gto_pad")
