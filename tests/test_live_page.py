@@ -23,8 +23,8 @@ from ares_trials.testing.flights import short_burn
 from ares_trials.testing.pages import FIGURES, SIZES, THEMES, illegible
 from ares_view.live.address import listen
 
-#: A flight of five minutes, which a slow browser sees; the tests hurry it in the end.
-SLOWLY = ("--pace", "0.5")
+#: A flight of minutes, which a slow browser sees; the tests hurry it in the end.
+SLOWLY = ("--pace", "1", "--nav-period", "0.5")
 #: Wall time in ms for a page to do what is awaited, on a busy machine too.
 PATIENCE_MS = 150_000
 #: What the page calls what it sees.
