@@ -483,8 +483,9 @@ def end_of(graph, simulator):
 def test_two_flights_on_one_graph_fly_as_if_alone(graph):
     flights = []
     for flight_id, mission in ((11, "ares_v"), (12, "saturn_v_as506")):
-        flights.append(graph.start(VehicleSimNode, flight_id=flight_id, mission=mission))
-        graph.start(GuidanceNode, flight_id=flight_id, mission=mission)
+        one = {"flight_id": flight_id, "mission": mission}
+        flights.append(graph.start(VehicleSimNode, navigation_period_s=0.5, **one))
+        graph.start(GuidanceNode, **one)
     graph.spin(lambda: all(end_of(graph, flight) for flight in flights))
     masses = [end_of(graph, flight).mass for flight in flights]
     assert masses == pytest.approx([174_117.62, 136_416.8], abs=0.1)

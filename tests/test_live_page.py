@@ -24,7 +24,7 @@ from ares_trials.testing.pages import FIGURES, SIZES, THEMES, illegible
 from ares_view.live.address import listen
 
 #: A flight of minutes, which a slow browser sees; the tests hurry it in the end.
-SLOWLY = ("--pace", "1", "--nav-period", "0.5")
+SLOWLY = ("--pace", "1", "--nav-period", "0.25")
 #: Wall time in ms for a page to do what is awaited, on a busy machine too.
 PATIENCE_MS = 150_000
 #: What the page calls what it sees.
