@@ -358,7 +358,9 @@ def test_each_node_says_once_a_second_that_it_lives(graph, tmp_path):
     graph.observer.create_subscription(DiagnosticArray, "/diagnostics", hear, reliable(1000))
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))
     guidance = graph.start(GuidanceNode)
-    simulator = graph.start(VehicleSimNode, pace=200.0, expected_recorders=1)
+    simulator = graph.start(
+        VehicleSimNode, pace=200.0, expected_recorders=1, navigation_period_s=1.0
+    )
     graph.spin(lambda: simulator.simulator.complete and recorder._writer is None)
     names = {f"ares/{name}: heartbeat" for name in ("guidance", "recorder", "vehicle_sim")}
     graph.spin(lambda: heard.keys() >= names and min(map(len, heard.values())) > 1)

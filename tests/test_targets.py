@@ -28,7 +28,7 @@ def transfer(tmp_path_factory):
 
 @pytest.mark.parametrize("law", ["optimal", pytest.param("peg", marks=pytest.mark.trial)])
 def test_it_is_flown_and_judged_by_what_it_names(ares, transfer, law):
-    options = ("--in-process", "--no-record", "--json")
+    options = ("--in-process", "--no-record", "--json", "--nav-period", "1")
     done = ares("fly", "--mission", transfer, "--guidance", law, *options)
     assert done.returncode == 0, done.stderr
     flight = json.loads(done.stdout)
