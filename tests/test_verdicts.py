@@ -50,7 +50,7 @@ HELD_ELSEWHERE = {
 }
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0
-SLOW = {"pace": "8"}
+SLOW = {"pace": "8", "nav_period": "0.5"}
 #: Of a flight that does not come to its end: on a busy machine it is heard of late.
 SLOWEST = {"pace": "2"}
 
