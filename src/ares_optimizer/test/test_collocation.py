@@ -17,7 +17,7 @@ from ares_models.input_file import read_input
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer import auto
-from ares_optimizer.collocation import report, rollout
+from ares_optimizer.collocation import report, rollout, shortage
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.ascents import first_guesses
 from ares_optimizer.collocation.carry import carried_along_coasts, carried_point
@@ -327,6 +327,16 @@ def test_short_coasts_between_the_burns_of_an_ascent_are_tried() -> None:
         search.try_start(next(islice(first_guesses(search), 2, None)))
     assert search.best is not None
     assert search.best.m_f_kg == pytest.approx(SOON_AGAIN["soon_again"], rel=SAME)
+
+
+def test_no_shortage_is_looked_for_after_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To fly the first guesses of a long coast took five seconds more."""
+    monkeypatch.setattr(shortage, "first_guesses", lambda _search: pytest.fail("no first guess"))
+    arrays, start = arrays_and_state(load_mission(MISSIONS / "soon_again.yaml"), None)
+    with Deadline(0.0) as deadline:
+        request = Request(arrays, start, "collocation", Heating.AT_JETTISON, deadline)
+        search = Search(arrays, start, floors_of(arrays, start), request)
+        assert shortage.short_of_propellant(search) is None
 
 
 def test_no_method_calls_a_flight_below_the_default_floor_optimal() -> None:
