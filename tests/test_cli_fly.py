@@ -238,7 +238,10 @@ REFUSED = [
         ["--mission", "ares_v", "--pace", "1e-9"],
         "vehicle_sim: parameter pace is 1e-09; expected 0, or 0.001 up",
     ),
-    (["--mission", "ares_v", "--bag", "/proc/nothing/here"], "bag /proc/nothing/here cannot be created"),
+    (
+        ["--mission", "ares_v", "--bag", "/proc/nothing/here"],
+        "bag /proc/nothing/here cannot be created",
+    ),
 ]
 
 

@@ -329,6 +329,19 @@ def test_short_coasts_between_the_burns_of_an_ascent_are_tried() -> None:
     assert search.best.m_f_kg == pytest.approx(SOON_AGAIN["soon_again"], rel=SAME)
 
 
+def test_first_guesses_agree_on_a_solution_that_is_like_their_flight() -> None:
+    """Start far from the solution: what agreed on that start says nothing of where it leads."""
+    arrays, start = arrays_and_state(load_mission("geostationary_transfer"), None)
+    with Deadline() as deadline:
+        request = Request(arrays, start, "collocation", Heating.AT_JETTISON, deadline)
+        likely = islice(trials(arrays, start, floors_of(arrays, start)), 2)
+        # the second one coasts for six times as long
+        for trial, agree in zip(likely, (3, 1), strict=True):
+            search = Search(arrays, start, floors_of(arrays, start), request)
+            search.try_start(replace(trial, met=3))
+            assert search.again == agree
+
+
 def test_no_shortage_is_looked_for_after_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     """To fly the first guesses of a long coast took five seconds more."""
     monkeypatch.setattr(shortage, "first_guesses", lambda _search: pytest.fail("no first guess"))

@@ -43,6 +43,7 @@ from ares_optimizer.collocation.pilot import (
     Array,
     Pilot,
     TrialFlight,
+    are_alike,
     names_plane,
     plane_from_ground,
 )
@@ -67,8 +68,6 @@ _MOST_ASCENTS = 3
 _MOST_RESTS = 2
 _MOST_WHOLE_RESTS = 8
 _MOST_AFTER = 4
-#: Relative difference of lengths up to which two rests are alike.
-_ALIKE = 0.2
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
@@ -125,7 +124,7 @@ def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
         search.least_starts = sum(mass > _NEARLY_BEST * best_kg for mass, _ in rests)
 
         def rank(rest: tuple[float, TrialFlight]) -> tuple[bool, bool, float]:
-            alike = _are_alike(rest[1].times.lengths, best.times.lengths)
+            alike = are_alike(rest[1].times.lengths, best.times.lengths)
             return rest[0] <= _NEARLY_BEST * best_kg, not alike, -rest[0]
 
         # of lighter ones those first that will confirm the best
@@ -171,7 +170,7 @@ def _with_best_rests(
     alone = ascent.program.arrays
     coasts = any(alone.arcs[k]["kind"] == COAST for k in free_arcs(alone, search.start[0]))
     for optimum in rest.optima:
-        if not any(_are_alike(optimum.lengths, each) for each in kept):
+        if not any(are_alike(optimum.lengths, each) for each in kept):
             kept.append(optimum.lengths)
             # rests that agree say nothing of a coast in the ascent
             trial = flight_of(optimum.found, 1 if coasts else optimum.met)
@@ -328,15 +327,10 @@ def try_coast_to_apogee(search: Search) -> None:
         return
     following = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
     trial = next(following, None)
-    if trial is not None and not _are_alike(
+    if trial is not None and not are_alike(
         trial.times.lengths, times_of(best.program, best.point.x).lengths[len(begin.lengths) :]
     ):
         search.try_start(_joined(search, begin, trial))
-
-
-def _are_alike(one: Array, other: Array) -> bool:
-    """Return true if free lengths differ so little that starts from both are much the same."""
-    return bool((np.abs(one - other) < _ALIKE * other + 1.0).all())
 
 
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:

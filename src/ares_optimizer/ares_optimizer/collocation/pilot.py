@@ -43,6 +43,8 @@ _AIR_STEP_S = 4.0
 _MOST_ROWS = 30_000
 #: Steering constants of a group: pitch and yaw at its begin and at its end.
 CONSTANTS = 4
+#: Relative difference of lengths up to which two flights are alike.
+_ALIKE = 0.2
 #: Altitude of a first parking orbit, m.
 _PARKING_M = 185e3
 #: Least altitude of that orbit above the floor of a coast, m.
@@ -88,6 +90,11 @@ class TrialFlight:
     turned: bool = False
     met: int = 1
     near: bool = False
+
+
+def are_alike(one: Array, other: Array) -> bool:
+    """Return true if free lengths differ so little that starts from both are much the same."""
+    return bool((np.abs(one - other) < _ALIKE * other + 1.0).all())
 
 
 def without_repeats(track: Array) -> Array:

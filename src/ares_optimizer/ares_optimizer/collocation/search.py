@@ -15,7 +15,7 @@ from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.intervals import Sweep, sweep_of
-from ares_optimizer.collocation.pilot import Pilot, TrialFlight, names_plane
+from ares_optimizer.collocation.pilot import Pilot, TrialFlight, are_alike, names_plane
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
@@ -205,7 +205,10 @@ class Search:
         )
 
     def try_start(self, trial: TrialFlight) -> None:
-        """Solve from a trial flight; skip one far from its target if a solution is known."""
+        """Solve from a trial flight; skip one far from its target if a solution is known.
+
+        First guesses that led to the trial flight agree on its solution only if that is like it.
+        """
         if self.best is not None and trial.miss > _FAR_OFF:
             return
         self.starts += 1
@@ -215,7 +218,9 @@ class Search:
         found = self._found_from(trial)
         self._most_iterations = math.inf
         if found is not None and not self._underground(found) and not self._is_reversed(found):
-            self.keep(found, trial.met)
+            lengths = times_of(found.program, found.point.x).lengths
+            alike = are_alike(lengths, trial.times.lengths)
+            self.keep(found, trial.met if alike else min(1, trial.met))
         elif found is not None:
             self._unproven = True
 
