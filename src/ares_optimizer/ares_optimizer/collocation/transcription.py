@@ -60,7 +60,7 @@ _NO_MASS = 1e-9
 _LEAST_MASS = 1e-6
 #: Worth of propellant that is dropped with a stage before a prescribed orbit, where nothing else
 #: depends on it, relative to that of mass at the end: without it ascents that waste are as good.
-_LEFT = 1e-5
+_LEFT = 1e-4
 
 
 class FreeTimes(NamedTuple):
