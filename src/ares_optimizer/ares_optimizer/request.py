@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -49,6 +49,8 @@ class Request:
         heating: where the heating limit holds.
         deadline: time limit.
         verify: fly the solution again.
+        parts: solutions of ascents and of rests alone, by the bytes of their mission and start:
+            like missions have the same ones.
     """
 
     arrays: MissionArrays
@@ -58,6 +60,7 @@ class Request:
     deadline: Deadline
     guess: Any = None
     verify: bool = True
+    parts: dict[bytes, Any] = field(default_factory=dict, compare=False)
 
 
 def hold_jettisons(arrays: MissionArrays, times: Mapping[int, float]) -> MissionArrays:

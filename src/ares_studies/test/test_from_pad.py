@@ -26,7 +26,7 @@ from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.kernels.targets import named_plane
 from ares_models.mission import MissionError, load_mission, parse_mission
-from ares_optimizer.collocation.ascents import try_free_node
+from ares_optimizer.collocation.ascents import trials_by_parking, try_free_node
 from ares_optimizer.collocation.bucket import bucket_of
 from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
 from ares_optimizer.collocation.pilot import Pilot, plane_from_ground
@@ -1176,6 +1176,19 @@ def test_two_starts_suffice_from_the_pad_unless_an_arc_beside_coasts_has_vanishe
         lengths = np.array([400.0, 5000.0, shortest_s, 6000.0])
         search.optima = [LocalOptimum(found, lengths, met)]
         assert search.is_conclusive == enough
+
+
+def test_like_searches_solve_an_ascent_and_a_rest_once():
+    mission = load_mission("falcon9_gto_pad")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    request = Request(arrays, start, "collocation", Heating.AT_JETTISON, Deadline(math.inf))
+    found = []
+    for _ in range(2):
+        search = Search(arrays, start, floors_of(arrays, start), request)
+        found.append((next(trials_by_parking(search)).times.lengths.tolist(), search.iterations))
+    (lengths, first), (again, later) = found
+    assert again == lengths
+    assert first > later == 0
 
 
 def test_a_search_without_a_flight_tells_the_course_of_the_nearest_guess(monkeypatch):

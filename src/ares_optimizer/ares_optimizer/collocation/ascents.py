@@ -7,11 +7,11 @@ air, and is flown by the constants of a trial flight.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ from ares_optimizer.collocation.pilot import (
     plane_from_ground,
 )
 from ares_optimizer.collocation.points import FoundOptimum, lowest_in, times_of
-from ares_optimizer.collocation.search import ENOUGH, LEAST_MET, Search
+from ares_optimizer.collocation.search import ENOUGH, LEAST_MET, LocalOptimum, Search
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import (
@@ -76,6 +76,8 @@ _EASTWARD = 1.0 - 1e-7
 _NO_HEATING_W_M2 = 1e-30
 #: Distance from a floor up to which a coast begins on it, m.
 _ON_FLOOR_M = 10.0
+
+_Found = TypeVar("_Found")
 
 
 class Beginning(NamedTuple):
@@ -155,8 +157,26 @@ def _with_best_rests(
     arcs["vertical"] = 0
     arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf
     arrays = search.arrays._replace(arcs=arcs)
-    rest = Search(arrays, begin.after, floors_of(arrays, begin.after), search.request)
-    following = trials(arrays, begin.after, rest.floors)
+    solved = partial(_solved_rests, search, arrays, begin.after, whole)
+    joined: list[tuple[float, TrialFlight]] = []
+    kept: list[Array] = []
+    alone = ascent.program.arrays
+    coasts = any(alone.arcs[k]["kind"] == COAST for k in free_arcs(alone, search.start[0]))
+    for optimum in _kept(search, arrays, begin.after, solved):
+        if not any(are_alike(optimum.lengths, each) for each in kept):
+            kept.append(optimum.lengths)
+            # rests that agree say nothing of a coast in the ascent
+            trial = flight_of(optimum.found, 1 if coasts else optimum.met)
+            joined.append((optimum.found.m_f_kg, _joined(search, begin, trial)))
+    return joined
+
+
+def _solved_rests(
+    search: Search, arrays: MissionArrays, after: NDArray[np.void], whole: bool
+) -> list[LocalOptimum]:
+    """Solve the mission of a rest alone from a few first guesses."""
+    rest = Search(arrays, after, floors_of(arrays, after), search.request)
+    following = trials(arrays, after, rest.floors)
     if not whole:
         # the second one is the transfer to the apogee of the target, if it is higher
         following = reversed(list(islice(following, _MOST_RESTS)))
@@ -165,17 +185,7 @@ def _with_best_rests(
             break
         rest.try_start(trial)
     search.iterations += rest.iterations
-    joined: list[tuple[float, TrialFlight]] = []
-    kept: list[Array] = []
-    alone = ascent.program.arrays
-    coasts = any(alone.arcs[k]["kind"] == COAST for k in free_arcs(alone, search.start[0]))
-    for optimum in rest.optima:
-        if not any(are_alike(optimum.lengths, each) for each in kept):
-            kept.append(optimum.lengths)
-            # rests that agree say nothing of a coast in the ascent
-            trial = flight_of(optimum.found, 1 if coasts else optimum.met)
-            joined.append((optimum.found.m_f_kg, _joined(search, begin, trial)))
-    return joined
+    return rest.optima
 
 
 def _with_coasts(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
@@ -334,6 +344,25 @@ def try_coast_to_apogee(search: Search) -> None:
 
 
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
+    """Return the best flight of the mission of an ascent alone; None if none is found."""
+    return _kept(search, alone, search.start, partial(_solved_ascent, search, alone))
+
+
+def _kept(
+    search: Search, part: MissionArrays, start: NDArray[np.void], solved: Callable[[], _Found]
+) -> _Found:
+    """Return the solution of a part of a mission; solve it if no like search has."""
+    parts = search.request.parts
+    key = b"".join(each.tobytes() for each in (*part, start))
+    if key in parts:
+        return cast(_Found, parts[key])
+    found = solved()
+    if not search.request.deadline.passed:
+        parts[key] = found
+    return found
+
+
+def _solved_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:
     """Solve the mission of an ascent alone; return None if none is found."""
     part = Search(alone, search.start, floors_of(alone, search.start), search.request)
     for trial in islice(trials(alone, search.start, part.floors), _MOST_ASCENTS):
