@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from ares_models.arrays import (
     COAST,
+    NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
     TARGET_KEPLERIAN,
@@ -203,7 +204,9 @@ def try_other_plane(search: Search) -> None:
     Two planes with a free node pass over a site, one to the north and one to the south of east.
     Their optima differ by the Earth's oblateness, less than by the intervals: both are solved on
     those for the same flight. It is mirrored at the plane of the vertical and the east, where it is
-    a good first guess; the starts that led to it count for its image too.
+    a good first guess; the starts that led to it count for its image too. If the target names its
+    argument of perigee, the image has another: there the ascents are mirrored, and their rests are
+    others.
 
     Args:
         search: with its best solution, if there is any; it may get another.
@@ -218,8 +221,26 @@ def try_other_plane(search: Search) -> None:
         return
     met, here = search.again, flight_of(best, 0)
     search.try_start(here)
+    if named & NAMES_ARGUMENT_OF_PERIGEE:
+        for trial in _trials_in_other_plane(search):
+            search.try_start(trial)
+        return
     search.try_start(_in_other_plane(here, start))
     search.optima[0].met = max(search.optima[0].met, met)
+
+
+def _trials_in_other_plane(search: Search) -> Iterator[TrialFlight]:
+    """Yield flights that begin with an ascent to a parking orbit in the other plane."""
+    pilot = Pilot(search.arrays, search.start, search.floors)
+    for alone in ascents_to_park(pilot):
+        ascent = _best_ascent(search, alone)
+        if ascent is None:
+            continue
+        other = Search(alone, search.start, floors_of(alone, search.start), search.request)
+        other.try_start(_in_other_plane(flight_of(ascent), search.start))
+        search.iterations += other.iterations
+        if other.best is not None:
+            yield from (trial for _, trial in _with_best_rests(search, other.best, pilot.parks))
 
 
 def searched(search: Search, arrays: MissionArrays) -> Search:
