@@ -1178,6 +1178,19 @@ def test_two_starts_suffice_from_the_pad_unless_an_arc_beside_coasts_has_vanishe
         assert search.is_conclusive == enough
 
 
+def test_the_better_of_two_planes_is_flown_where_the_argument_of_perigee_is_named():
+    """Launch to the other side of east; from the nearer one the ascent leaves 2,066.6 kg."""
+    text = SMALL.format(thrust=800000.0).replace("payload_kg: 900.0", "payload_kg: 500.0")
+    text = re.sub(r"    max_(dynamic|q)_.*\n", "", text)
+    text = text.replace("perigee_altitude_m: 400000.0", "perigee_altitude_m: 200000.0")
+    text = text.replace(
+        "altitude_m: 400000.0", "altitude_m: 500000.0, argument_of_perigee_deg: 150.0"
+    )
+    solution = solve(parse_mission(text, "planes.yaml"), "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    assert solution.m_f_kg == pytest.approx(2481.658, abs=0.01)
+
+
 def test_like_searches_solve_an_ascent_and_a_rest_once():
     mission = load_mission("falcon9_gto_pad")
     arrays, start = mission.arrays(), mission.start().navigation()

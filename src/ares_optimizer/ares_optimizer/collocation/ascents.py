@@ -205,8 +205,8 @@ def try_other_plane(search: Search) -> None:
     Their optima differ by the Earth's oblateness, less than by the intervals: both are solved on
     those for the same flight. It is mirrored at the plane of the vertical and the east, where it is
     a good first guess; the starts that led to it count for its image too. If the target names its
-    argument of perigee, the image has another: there the ascents are mirrored, and their rests are
-    others.
+    argument of perigee, the image has another: it counts for itself alone, and the ascents are
+    mirrored too, whose rests are others, or else the first guesses.
 
     Args:
         search: with its best solution, if there is any; it may get another.
@@ -230,9 +230,18 @@ def try_other_plane(search: Search) -> None:
 
 
 def _trials_in_other_plane(search: Search) -> Iterator[TrialFlight]:
-    """Yield flights that begin with an ascent to a parking orbit in the other plane."""
+    """Yield the best flight in the other plane, then those that begin with an ascent in it.
+
+    Where none parks, they are mirrored first guesses.
+    """
+    if search.best is not None:
+        yield _in_other_plane(flight_of(search.best), search.start)
     pilot = Pilot(search.arrays, search.start, search.floors)
-    for alone in ascents_to_park(pilot):
+    to_park = list(ascents_to_park(pilot))
+    if not to_park:
+        likely = islice(trials(search.arrays, search.start, search.floors), _MOST_RESTS)
+        yield from (_in_other_plane(trial, search.start) for trial in likely)
+    for alone in to_park:
         ascent = _best_ascent(search, alone)
         if ascent is None:
             continue
