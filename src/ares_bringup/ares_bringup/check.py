@@ -28,8 +28,8 @@ from ares_guidance.registry import law_names
 from ares_models.mission import Mission
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
-from ares_node.identity import id_text
-from ares_node.membership import FLIGHT_ID, MISSION_DIGEST
+from ares_node.identity import MISSION_DIGEST, id_text
+from ares_node.membership import FLIGHT_ID
 from ares_node.requirements import unmet
 from ares_node.time import NANOSECONDS, ns_from_stamp
 

@@ -19,7 +19,7 @@ from ares_models.mission import (
     parse_mission,
     read_mission,
 )
-from ares_node.membership import MISSION_DIGEST
+from ares_node.identity import MISSION_DIGEST
 
 
 @dataclass(frozen=True)

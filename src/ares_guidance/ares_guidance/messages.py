@@ -27,7 +27,7 @@ from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import FINAL_MASS_KG, LOWEST_COAST_M
-from ares_node.membership import MISSION_DIGEST
+from ares_node.identity import MISSION_DIGEST
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
 

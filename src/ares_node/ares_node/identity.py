@@ -3,6 +3,9 @@
 
 import secrets
 
+#: Key in a member's settings: digest of the numbers of its mission.
+MISSION_DIGEST = "mission_digest"
+
 
 def new_id() -> int:
     """Draw a random identity, never 0, that fits into a ROS integer parameter."""

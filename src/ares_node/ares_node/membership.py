@@ -18,7 +18,7 @@ from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
 from ares_node.diagnostics import Level, is_worth_reporting
-from ares_node.identity import new_id
+from ares_node.identity import MISSION_DIGEST, new_id
 from ares_node.key import FORGED
 from ares_node.parameters import Parameter
 from ares_node.qos import FLIGHT_MEMBER, MEMBER, MEMBERS
@@ -55,8 +55,6 @@ class State(IntEnum):
     PLANNING = FlightMember.PLANNING
 
 
-#: Key in a member's settings: digest of the numbers of its mission.
-MISSION_DIGEST = "mission_digest"
 #: Largest number of members remembered; the oldest is dropped.
 MOST_HEARD = 1000
 

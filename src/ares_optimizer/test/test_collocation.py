@@ -585,29 +585,37 @@ def test_a_coast_of_a_known_length_is_held_nearly_at_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("unsettled", "sunk_kg", "flown_kg", "status"),
+    ("unsettled", "unfinished", "sunk_kg", "flown_kg", "status"),
     [
-        (False, -math.inf, 1.0, Status.CONVERGED),
-        (False, 1.0, 1.0, Status.CONVERGED),
-        (True, -math.inf, 1.0, Status.FEASIBLE),
-        (False, 1.1, 1.0, Status.FEASIBLE),
-        (False, -math.inf, 0.9, Status.NOT_OPTIMAL),
+        (False, False, -math.inf, 1.0, Status.CONVERGED),
+        (False, False, 1.0, 1.0, Status.CONVERGED),
+        (True, False, -math.inf, 1.0, Status.FEASIBLE),
+        (False, True, -math.inf, 1.0, Status.FEASIBLE),
+        (False, False, 1.1, 1.0, Status.FEASIBLE),
+        (False, False, -math.inf, 0.9, Status.NOT_OPTIMAL),
     ],
 )
 def test_a_flight_that_may_be_bettered_is_not_called_optimal(
     monkeypatch: pytest.MonkeyPatch,
     unsettled: bool,
+    unfinished: bool,
     sunk_kg: float,
     flown_kg: float,
     status: Status,
 ) -> None:
-    """A coast is unsettled, a better flight is underground, or a mass is counted twice."""
+    """A coast is unsettled, the time is over, a better flight is underground, or a mass is counted twice."""
     monkeypatch.setattr(report, "free_propellant", lambda _found: 100.0)
     monkeypatch.setattr(report, "allowed_spread", lambda _found: 1.0)
     point = SimpleNamespace(regularized=False, unsettled=unsettled)
     found = SimpleNamespace(point=point, m_f_kg=1.0, end_kg=1.0)
     search = SimpleNamespace(
-        again=2, led_to=lambda _: 2, starts=2, added=(), sunk_kg=sunk_kg, idle=False
+        again=2,
+        led_to=lambda _: 2,
+        starts=2,
+        added=(),
+        sunk_kg=sunk_kg,
+        idle=False,
+        unfinished=unfinished,
     )
     flight = SimpleNamespace(final=np.full(7, flown_kg))
     cause = verdict_of(search, SimpleNamespace(found=found, flight=flight), (), 0.0)

@@ -19,8 +19,8 @@ from ares_models.passage import Passage
 from ares_models.plans import flies_in_air
 from ares_models.software import software
 from ares_node.diagnostics import Level
-from ares_node.identity import new_id
-from ares_node.membership import FLIGHT_ID, MISSION_DIGEST, Membership, Role
+from ares_node.identity import MISSION_DIGEST, new_id
+from ares_node.membership import FLIGHT_ID, Membership, Role
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.time import NANOSECONDS
