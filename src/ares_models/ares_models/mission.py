@@ -41,7 +41,7 @@ from ares_models.mission_arrays import arc_array, environment_array, jettison_ar
 from ares_models.mission_boosters import Booster
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_keys import Load, Moment, Part, Text, not_there
-from ares_models.mission_masses import ignition_mass
+from ares_models.mission_masses import PROPELLANT_ROUNDING, ignition_mass
 from ares_models.mission_parts import (
     AbortPart,
     AerodynamicsPart,
@@ -328,9 +328,11 @@ class Mission(Part):
         part = self.stages[stage]
         if part.propellant_kg is not None:
             given = part.propellant_kg + part.booster_propellant_kg
-            if part.boosters or any(burn.thrust_table is not None for burn in part.burns):
-                # a rounded value must not end the burn before its table
-                return max(given, self.fixed_propellant(stage))
+            used = self.fixed_propellant(stage)
+            tabled = any(burn.thrust_table is not None for burn in part.burns)
+            if part.boosters or tabled or used <= (1.0 + PROPELLANT_ROUNDING) * given:
+                # a rounded value must not end the burn before its time, or its table
+                return max(given, used)
             return given
         if any(arc.free for arc in part.burns):
             own = self.ignition_mass(stage) - self.jettison_mass(stage)

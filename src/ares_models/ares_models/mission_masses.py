@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # relative tolerance of the mass balance, for rounded values in files
 _MASS_ROUNDING = 1e-6
+#: Largest excess of what fixed burns take over the propellant that a file rounds, relative.
+PROPELLANT_ROUNDING = 5e-4
 
 _LOADS = ("payload_kg", "adapter_kg")
 _ITEMS = ("dry_mass_kg", "residuals_kg")
@@ -109,7 +111,8 @@ def check_masses(mission: "Mission") -> None:
             )
         used = mission.fixed_propellant(i) - stage.booster_propellant_kg
         usable = room if stage.propellant_kg is None else stage.propellant_kg
-        if used > usable + slack:
+        rounded = 0.0 if stage.propellant_kg is None else PROPELLANT_ROUNDING * usable
+        if used > usable + max(slack, rounded):
             k = max(
                 (k for k, arc in enumerate(stage.flight_arcs) if isinstance(arc, BurnArc)),
                 key=lambda k: -1 if stage.flight_arcs[k].free else k,

@@ -37,6 +37,8 @@ LONGEST_BURN = 86_400.0
 MOST_PRESSURE = 1.5e5
 #: Least speed, m/s, of a start above an altitude, m.
 SLOWEST, SLOWEST_FROM = 20.0, 1e4
+#: Speed over ground, m/s, below which the plane of a start is that of the Earth's rotation.
+SLOW_M_S = 1e3
 #: Range of heating limits, W/m2; 1,135 is usual.
 HEATING_LIMITS = (5.0, 5e4)
 #: Heating in the target orbit over a limit above which the limit is surely never met.
@@ -355,10 +357,13 @@ def _highest(mission: "Mission") -> float | None:
 
 
 def _plane(mission: "Mission") -> Iterator[Doubt]:
-    if mission.initial_state.is_launch:
+    start, target = mission.start(), mission.target
+    rate = mission.environment.earth.rotation_rate_rad_s
+    over_ground = np.subtract(start.velocity, np.cross((0.0, 0.0, rate), start.position))
+    if mission.initial_state.is_launch or np.linalg.norm(over_ground) < SLOW_M_S:
+        # its plane in space is that of the rotation of the Earth
         yield from _plane_from_pad(mission)
         return
-    start, target = mission.start(), mission.target
     before = Insertion.from_state(start.position, start.velocity)
     key, angle = "inclination_deg", 0.0
     if target.inclination_deg is not None:

@@ -59,6 +59,17 @@ def test_both_forms_of_one_vehicle_fly_alike(tmp_path):
         assert one.tobytes() == other.tobytes()
 
 
+def test_a_rounded_propellant_does_not_end_a_fixed_burn(tmp_path):
+    """Load 216.0 kg where the burn takes 216.04; much less is an error."""
+    base = load_mission(TEMPLATE)
+    assert base.stages[0].burns[0].duration_s == 146.0
+    takes = base.fixed_propellant(0)
+    rounded = changed(tmp_path, put(0, propellant_kg=takes * (1.0 - 4e-4)))
+    assert rounded.propellant(0) == takes
+    with pytest.raises(MissionError, match="expected burns that take at most"):
+        changed(tmp_path, put(0, propellant_kg=takes * (1.0 - 6e-4)))
+
+
 def test_the_payload_is_one_line_to_change(tmp_path):
     before = load_mission(TEMPLATE)
     after = changed(tmp_path, put(None, payload_kg=230.0, adapter_kg=12.0))

@@ -226,6 +226,16 @@ def test_of_a_plane_through_the_pad_nothing_is_said(tmp_path, inclination):
     assert warnings(load_mission(file)) == []
 
 
+def test_of_the_plane_of_an_air_launch_nothing_is_said(tmp_path):
+    """The plane of a slow start in space is that of the Earth's rotation."""
+    state = {"time_s": 0.0, "geodetic_latitude_deg": 32.9, "longitude_deg": -121.5}
+    state |= {"altitude_m": 11700.0, "ground_speed_m_s": 235.0}
+    state |= {"elevation_deg": 25.0, "ground_azimuth_deg": 180.0}
+    changes = {"initial_state": state, "target.inclination_deg": 98.0}
+    changes["stages.0.vertical_rise_s"] = ABSENT
+    assert warnings(load_mission(changed(tmp_path, changes))) == []
+
+
 def test_of_a_plane_that_is_turned_at_a_high_apogee_nothing_is_said(tmp_path):
     file = changed(tmp_path, {"target.inclination_deg": 3.0}, base="falcon9_gto_pad")
     assert warnings(load_mission(file)) == []

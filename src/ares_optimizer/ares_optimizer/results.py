@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 #: Difference of two lengths, s, that counts as zero.
 SAME_LENGTH = 1e-3
+#: Distance from a bound that is worth next to nothing, relative to it, at which a length is on it.
+_SAME_SHARE = 1e-6
 
 
 def jettison_times(
@@ -110,8 +112,9 @@ def length_checks(
     checks = []
     for f, k in enumerate(free_arcs(arrays, start)):
         length = float(lengths[f])
-        short = length < low[f] + SAME_LENGTH
-        active = bool(short or length > high[f] - SAME_LENGTH or dry[f])
+        short = length < low[f] + SAME_LENGTH + _SAME_SHARE * low[f]
+        long = length > high[f] - SAME_LENGTH - _SAME_SHARE * high[f]
+        active = bool(short or (long and math.isfinite(high[f])) or dry[f])
         bound = float(low[f]) if short or math.isinf(high[f]) else float(high[f])
         checks.append(
             ConstraintCheck(

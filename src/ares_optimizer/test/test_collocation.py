@@ -342,6 +342,19 @@ def test_first_guesses_agree_on_a_solution_that_is_like_their_flight() -> None:
             assert search.again == agree
 
 
+def test_a_flight_that_lasts_too_long_is_no_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A transfer to an escape was planned with a coast of 65 days."""
+    arrays, start = arrays_and_state(load_mission("geostationary_transfer"), None)
+    with Deadline() as deadline:
+        request = Request(arrays, start, "collocation", Heating.AT_JETTISON, deadline)
+        trial = next(trials(arrays, start, floors_of(arrays, start)))
+        for longest_s, found in ((2000.0, True), (1000.0, False)):
+            monkeypatch.setattr("ares_optimizer.collocation.search.LONGEST_FLIGHT", longest_s)
+            search = Search(arrays, start, floors_of(arrays, start), request)
+            search.try_start(trial)
+            assert (search.best is not None) == found
+
+
 def test_no_shortage_is_looked_for_after_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     """To fly the first guesses of a long coast took five seconds more."""
     monkeypatch.setattr(shortage, "first_guesses", lambda _search: pytest.fail("no first guess"))
@@ -603,7 +616,7 @@ def test_a_flight_that_may_be_bettered_is_not_called_optimal(
     flown_kg: float,
     status: Status,
 ) -> None:
-    """A coast is unsettled, the time is over, a better flight is underground, or a mass is counted twice."""
+    """A coast is unsettled, time is over, a better flight is underground, or a mass is counted twice."""
     monkeypatch.setattr(report, "free_propellant", lambda _found: 100.0)
     monkeypatch.setattr(report, "allowed_spread", lambda _found: 1.0)
     point = SimpleNamespace(regularized=False, unsettled=unsettled)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import COAST, MissionArrays
+from ares_models.arrays import COAST, LONGEST_FLIGHT, MissionArrays
 from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.targets import named_plane
@@ -218,11 +218,12 @@ class Search:
         found = self._found_from(trial)
         self._most_iterations = math.inf
         if found is not None and not self._underground(found) and not self._is_reversed(found):
-            lengths = times_of(found.program, found.point.x).lengths
-            alike = are_alike(lengths, trial.times.lengths)
-            self.keep(found, trial.met if alike else min(1, trial.met))
-        elif found is not None:
-            self._unproven = True
+            times = times_of(found.program, found.point.x)
+            alike = are_alike(times.lengths, trial.times.lengths)
+            if times.cutoff - float(self.start["time"][0]) <= LONGEST_FLIGHT:
+                self.keep(found, trial.met if alike else min(1, trial.met))
+                return
+        self._unproven |= found is not None
 
     def _allow_iterations(self) -> None:
         """Bound the iterations from here on by those of a start."""
