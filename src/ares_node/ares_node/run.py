@@ -117,8 +117,9 @@ class StopSignals:
         over = threading.Event()
 
         def abandon() -> None:
-            if not over.wait(ABANDON_AFTER) and self.abandonable():
-                os._exit(self.exit_status)
+            while not over.wait(ABANDON_AFTER):
+                if self.abandonable():
+                    os._exit(self.exit_status)
 
         def relay() -> None:
             while os.read(readable, 1) != b"\0":
@@ -241,7 +242,8 @@ def _run(
             if stop.requested:
                 return stop.exit_status
             _complain(node.get_name(), node.failure or "could not start")
-            return EXIT_CANNOT_START
+            node.exit_code = EXIT_CANNOT_START
+            return node.exit_code
         stop.starting = False
         stop.abandonable = node.may_be_abandoned
         try:
@@ -265,6 +267,9 @@ def _run(
             # an error while tearing down must not hide the exit status
             with suppress(Exception):
                 node.stop()
+            # what is left frees memory, where the middleware was seen to hang
+            stop.exit_status = node.exit_code
+            stop.abandonable = _drop
             if executor is not None:
                 executor.shutdown()
             node.destroy_node()

@@ -15,7 +15,8 @@ from ares_node.run import run_node
 
 MODES = (
     "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start",
-    "stuck_start", "wrapped_start", "disposable", "stuck_end", "warn", "refuse_later",
+    "stuck_start", "wrapped_start", "disposable", "stuck_end", "stuck_freeing", "warn",
+    "refuse_later",
 )  # fmt: skip
 
 
@@ -26,6 +27,8 @@ def hold() -> None:
 
 class DemoNode(FlightNode):
     """Report on /diagnostics until told to stop."""
+
+    stuck = False
 
     def __init__(self, **kwargs: Any) -> None:
         mode = Parameter("mode", "run", "How to behave.", choices=MODES)
@@ -58,6 +61,7 @@ class DemoNode(FlightNode):
             print("starting", flush=True)
             hold()
         self.ticks = 0
+        self.stuck = mode == "stuck_freeing"
         self.disposable = mode in ("disposable", "stuck_end")
 
     def activate(self) -> None:
@@ -89,6 +93,11 @@ class DemoNode(FlightNode):
         print("cleaned up", flush=True)
         if self.values["mode"] == "stuck_end":
             hold()
+
+    def destroy_node(self) -> None:
+        if self.stuck:
+            hold()
+        super().destroy_node()
 
     def abandon(self) -> None:
         if self.values["mode"].endswith("_start"):

@@ -131,7 +131,12 @@ def test_a_signal_in_a_callback_of_compiled_code_is_silent(
 
 @pytest.mark.parametrize(
     ("mode", "line"),
-    [("stuck_start", "starting\n"), ("disposable", "running\n"), ("stuck_end", "running\n")],
+    [
+        ("stuck_start", "starting\n"),
+        ("disposable", "running\n"),
+        ("stuck_end", "running\n"),
+        ("stuck_freeing", "running\n"),
+    ],
 )
 def test_compiled_code_does_not_hold_the_process(
     ros_environment: dict[str, str], mode: str, line: str

@@ -616,7 +616,7 @@ def test_a_flight_that_may_be_bettered_is_not_called_optimal(
     flown_kg: float,
     status: Status,
 ) -> None:
-    """A coast is unsettled, time is over, a better flight is underground, or a mass is counted twice."""
+    """A coast is unsettled, time is over, a better flight is sunk, a mass is counted twice."""
     monkeypatch.setattr(report, "free_propellant", lambda _found: 100.0)
     monkeypatch.setattr(report, "allowed_spread", lambda _found: 1.0)
     point = SimpleNamespace(regularized=False, unsettled=unsettled)
