@@ -113,8 +113,9 @@ def length_checks(
     for f, k in enumerate(free_arcs(arrays, start)):
         length = float(lengths[f])
         short = length < low[f] + SAME_LENGTH + _SAME_SHARE * low[f]
-        long = length > high[f] - SAME_LENGTH - _SAME_SHARE * high[f]
-        active = bool(short or (long and math.isfinite(high[f])) or dry[f])
+        limited = math.isfinite(high[f])
+        long = limited and length > high[f] - SAME_LENGTH - _SAME_SHARE * high[f]
+        active = bool(short or long or dry[f])
         bound = float(low[f]) if short or math.isinf(high[f]) else float(high[f])
         checks.append(
             ConstraintCheck(
