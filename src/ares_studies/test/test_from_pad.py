@@ -793,6 +793,18 @@ def test_the_ascent_to_the_right_orbit_leads_to_the_plan(name):
     assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-4)
 
 
+def test_an_ascent_to_an_orbit_that_hardly_leaves_the_air_ends_at_its_apogee():
+    """The edge of the air, with a margin, is above the whole orbit."""
+    mission = load_mission(str(MISSIONS / "shuttle_pad.yaml"))
+    arrays, start = mission.arrays(), mission.start().navigation()
+    coast = np.flatnonzero(arrays.arcs["orbit"]["named"])[0]
+    radius = 6378137.0 + 110e3
+    arrays.arcs["orbit"]["apogee_radius"][coast] = radius
+    (alone,) = ascents_to_park(Pilot(arrays, start, floors_of(arrays, start)))
+    assert alone.target["radius"][0] == radius
+    assert alone.target["flight_path_angle"][0] == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.trial
 def test_no_law_takes_over_before_a_solid_motor_that_it_cannot_lengthen():
     """From the planned state alone `optimal` found a way through the third stage."""

@@ -361,7 +361,7 @@ def _ascent_to(pilot: Pilot, last: int, radius: float, apogee: float) -> Mission
     h = np.cross(r, v)
     target = arrays.target.copy()
     target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-    target["radius"] = end = max(radius, pilot.clear_m)
+    target["radius"] = end = max(radius, min(pilot.clear_m, apogee))
     energy = -mu / (radius + apogee) if apogee < math.inf else target_energy(arrays)
     at_perigee = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
     speed = math.sqrt(at_perigee**2 - 2.0 * mu * (1.0 / radius - 1.0 / end))
