@@ -29,7 +29,7 @@ def bags_folder() -> Path:
     return (workspace_root() or Path.cwd()) / "bags"
 
 
-def check_bag(bag: Path) -> None:
+def check_new_bag(bag: Path) -> None:
     """Check, before the flight, that a bag can be made; leave nothing.
 
     Raises:

@@ -10,7 +10,7 @@ from pathlib import Path
 from shutil import which
 
 from ares_bringup.audience import Audience
-from ares_bringup.bag_paths import check_bag, new_bag
+from ares_bringup.bag_paths import check_new_bag, new_bag
 from ares_bringup.discovery import apply_discovery_settings
 from ares_bringup.graph import Callbacks, Say, Show
 from ares_bringup.inputs import absolute_namespace, mission_facts
@@ -66,7 +66,7 @@ def fly(
     bag = None
     if options.record:
         folder = (options.bag or new_bag(facts.name)).absolute()
-        check_bag(folder)
+        check_new_bag(folder)
         bag = str(folder)
     summary = FlightSummary(facts, options.guidance, bag, new_id(), namespace=namespace)
     parameters = node_parameters(options, bag, summary.flight_id)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ares_bringup.bag_paths import check_bag
+from ares_bringup.bag_paths import check_new_bag
 from ares_bringup.facts import MissionFacts, facts_of
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_bringup.options import PEG, CannotStart, refusals
@@ -102,7 +102,7 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     if bag and os.path.lexists(bag):
         raise CannotStart(f"bag is {bag!r}, which exists; expected a new folder")
     if bag:
-        check_bag(Path(bag))
+        check_new_bag(Path(bag))
 
 
 def _find_law(name: str) -> "LawKind":

@@ -221,21 +221,20 @@ def try_other_plane(search: Search) -> None:
         return
     met, here = search.again, flight_of(best, 0)
     search.try_start(here)
+    image = _in_other_plane(here, start)
     if named & NAMES_ARGUMENT_OF_PERIGEE:
-        for trial in _trials_in_other_plane(search):
+        for trial in chain([replace(image, met=1)], _trials_in_other_plane(search)):
             search.try_start(trial)
         return
-    search.try_start(_in_other_plane(here, start))
+    search.try_start(image)
     search.optima[0].met = max(search.optima[0].met, met)
 
 
 def _trials_in_other_plane(search: Search) -> Iterator[TrialFlight]:
-    """Yield the best flight in the other plane, then those that begin with an ascent in it.
+    """Yield flights that begin with an ascent in the other plane.
 
     Where none parks, they are mirrored first guesses.
     """
-    if search.best is not None:
-        yield _in_other_plane(flight_of(search.best), search.start)
     pilot = Pilot(search.arrays, search.start, search.floors)
     to_park = list(ascents_to_park(pilot))
     if not to_park:

@@ -164,10 +164,9 @@ class Pilot:
         e = self.eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
         highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
         radius = float(arrays.environment[0]["equatorial_radius"])
-        #: Radius clear of the air and of the floors, m.
-        self.clear_m = radius + max(edge_of_air(arrays), highest) + _CLEAR_M
+        self._above_floors_m = highest + _CLEAR_M
         #: Perigee and apogee radius, m, and period, s, of a first parking orbit.
-        self.parking_m = self.apogee_m = max(radius + _PARKING_M, radius + highest + _CLEAR_M)
+        self.parking_m = self.apogee_m = radius + max(_PARKING_M, self._above_floors_m)
         orbit = next((orbit for k, orbit in self._orbits.items() if self.groups[k] == 1), None)
         #: The mission prescribes that orbit.
         self.parks = orbit is not None
@@ -190,6 +189,12 @@ class Pilot:
             for stage in sorted({int(stages[k]) for k in burns} - {int(stages[-1])})
             if len(members := [k for k in burns if stages[k] == stage]) > 1
         ]
+
+    @property
+    def clear_m(self) -> float:
+        """Return a radius clear of the air and of the floors, m."""
+        radius = float(self.arrays.environment[0]["equatorial_radius"])
+        return radius + max(edge_of_air(self.arrays) + _CLEAR_M, self._above_floors_m)
 
     # ---- lengths and times
 

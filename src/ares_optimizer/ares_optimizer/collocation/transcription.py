@@ -465,7 +465,7 @@ class CollocationProgram:
         saved = np.flatnonzero(stages == saving_stage(self.arrays, start))
         self.saving = int(saved[-1]) if saved.size else len(pieces) - 1
         self._worth = {int(self.ends[self.saving]): 1.0}
-        ahead = orbits_of(self.arrays, start[None])
+        ahead = orbits_of(self.arrays, self.start)
         parked = max((int(arcs[k]["stage"]) for k in ahead), default=-1)
         for stage in np.unique(stages):
             members = np.flatnonzero(stages == stage)
