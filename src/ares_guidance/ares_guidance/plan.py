@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import PLAN
 from ares_guidance.floor import check_floor, held_burns, lifted
+from ares_guidance.kernels.cycle import SHORT_BURN
 from ares_guidance.programme import Programme, programmes_of
 from ares_guidance.trajectory import SAME_TIME, OfflineTrajectory
 from ares_models.arrays import (
@@ -125,6 +126,9 @@ class ArcPlan:
         ends = (arcs["kind"] == BURN) & np.isinf(arcs["duration"])
         ends[list(self.held)] = True
         ends[-1] = False
+        for k in np.flatnonzero(ends & np.append(arcs["held"][1:] == 1, False)):
+            # a burn of next to no length gives no attitude to hold: the held burn is aimed itself
+            ends[k] = not self.lengths_s.get(int(k), math.inf) < SHORT_BURN
         record["ends_leg"][0, : len(arcs)] = ends
         if leaves_end_free(arrays.target[0]):
             record["aims"] = 1

@@ -144,21 +144,22 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
         if error == ERROR_NONE and reachable and released:
             # too short a burn to correct the place: it meets the orbit's speed there
             return error, True
-        # a first solution may lack propellant only because of its small-angle expansion
-        dear = lacking_speed(state) if good and cold else 0.0
-        if good and not dear > SETTLED and settle(mission, onboard) == ERROR_NONE:
-            return ERROR_NONE, True
         # too late to correct the position: accept a solution for speed and angle
         late = state.solution.time_to_go <= onboard.settings.restart_time
         small = state.solution.turn < STEEPEST or not reachable or late
         small_does = error == ERROR_NONE and small
+        # a first solution may lack propellant only because of its small-angle expansion
+        dear = lacking_speed(state) if small_does and cold else 0.0
+        if good and not dear > SETTLED and settle(mission, onboard) == ERROR_NONE:
+            return ERROR_NONE, True
         if good or error != ERROR_NONE or state.leg.time_to_go > 0.0:
             begin_again(mission, onboard, cold)
     state.law = LAW_PEG
     error = converge_large_turn(mission, onboard)
     if error != ERROR_NONE and cold:
         error = converge_lofted(mission, onboard)
-    worse = dear > SETTLED and error == ERROR_NONE and not lacking_speed(state) < dear
+    lacks = lacking_speed(state) if cold and error == ERROR_NONE else 0.0
+    worse = lacks > SETTLED and not lacks < dear
     if (error != ERROR_NONE or worse) and small_does:
         state.law = LAW
         begin_again(mission, onboard, cold)
@@ -202,6 +203,9 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     if clocked:
         surplus -= SAME_LENGTH * least
     if surplus <= 0.0 or least <= onboard.settings.hold_time:
+        return error, reachable
+    if state.lowered > 0.0:
+        # a surplus brings the full target nearer, before any of it is spent
         return error, reachable
     if converge_held(mission, onboard, least) != ERROR_NONE:
         # a later leg corrects the surplus
