@@ -13,7 +13,6 @@ from ares_models.arrays import (
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_SPEED,
     TARGET_ELEMENTS,
-    TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
     MissionArrays,
@@ -29,8 +28,8 @@ from ares_optimizer.collocation.pilot import (
     Pilot,
     TrialFlight,
     names_plane,
-    target_energy,
 )
+from ares_optimizer.collocation.target_orbit import target_apogee, target_energy, target_perigee
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
 from ares_optimizer.results import SAME_LENGTH
@@ -68,8 +67,10 @@ _BURNS = (
 COASTS = (0.12, 0.03, 0.3, 0.5, 0.8, 0.2, 0.65, 0.4, 0.93)
 #: Trial lengths beyond a revolution, if the coast may be so long.
 _LATER_COASTS = (1.12, 1.5, 1.8, 1.3)
-#: End of a coast after the first, as fraction of a revolution from perigee: the apogee.
+#: End of a coast after the first, as fraction of a revolution from perigee: the apogee; and the
+#: longest such coast, in revolutions of a low orbit.
 _TO_APOGEE = 0.5
+_LONGEST_TO_APOGEE = 10.0
 #: End of a first coast at the target's argument of perigee, or after a revolution where it begins
 #: on no orbit, and fraction of a revolution by which it ends before: a burn around perigee begins
 #: there.
@@ -238,12 +239,12 @@ def _choices(
         yield [(np.zeros(CONSTANTS * pilot.count), {arc: 0.0})], (_TO_APOGEE,) * len(coasts)
     # several burns at perigee raise the apogee
     first = _REVOLUTION if burns and not pilot.ascends else firsts[0]
-    if later and _target_perigee(pilot.arrays) < pilot.parking_m + _LOW_M:
+    if later and target_perigee(pilot.arrays) < pilot.parking_m + _LOW_M:
         yield ascents, (first, *([_REVOLUTION] * later))
     elif later > 1:
         yield ascents, (first, *([_REVOLUTION] * (later - 1)), _TO_APOGEE)
     yield ascents, (firsts[0], *([_TO_APOGEE] * later))
-    apogee = _target_apogee(pilot.arrays)
+    apogee = target_apogee(pilot.arrays)
     if parking is not None and apogee >= _HIGH * pilot.parking_m:
         # the first burn continues to the apogee of the target, or to escape
         transfer = _ascent_alone(pilot, apogee)
@@ -269,7 +270,7 @@ def _is_on_transfer(pilot: Pilot) -> bool:
         return False
     mu = float(pilot.arrays.environment[0]["mu"])
     highest = -0.5 * mu / pilot.energy * (1.0 + pilot.eccentricity)
-    return highest > _APOGEE * _target_apogee(pilot.arrays)
+    return highest > _APOGEE * target_apogee(pilot.arrays)
 
 
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
@@ -316,7 +317,7 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
     Args:
         pilot: of the whole mission.
     """
-    apogee, perigee = _target_apogee(pilot.arrays), _target_perigee(pilot.arrays)
+    apogee, perigee = target_apogee(pilot.arrays), target_perigee(pilot.arrays)
     lowest = max((f.perigee_m for f in pilot.floors if f.perigee_m > 0.0), default=0.0)
     parking = max(pilot.parking_m, lowest)
     ways = [(parking, pilot.apogee_m), (parking, apogee)]
@@ -503,34 +504,9 @@ def _late(pilot: Pilot, lengths: Array, last: float) -> Array:
     return np.full(len(pilot._waiting), float(pilot.begins(lengths, last)[-1]) - 1.0)
 
 
-def _target_apogee(arrays: MissionArrays) -> float:
-    """Return the apogee radius of the target, m; inf: escape, or not named."""
-    target = arrays.target[0]
-    if target["kind"] == TARGET_ELEMENTS:
-        return float(target["apogee_radius"])
-    energy = target_energy(arrays)
-    if energy >= 0.0:
-        return math.inf
-    return -float(arrays.environment[0]["mu"]) / energy - _target_perigee(arrays)
-
-
-def _target_perigee(arrays: MissionArrays) -> float:
-    """Return the perigee radius of the target, m; nan: not named."""
-    target = arrays.target[0]
-    if target["kind"] == TARGET_ELEMENTS:
-        return float(target["perigee_radius"])
-    if target["kind"] == TARGET_KEPLERIAN:
-        return float(target["semi_major_axis"] * (1.0 - target["eccentricity"]))
-    mu = float(arrays.environment[0]["mu"])
-    radius, speed = float(target["radius"]), float(target["speed"])
-    momentum = (radius * speed * math.cos(float(target["flight_path_angle"]))) ** 2 / mu
-    energy = target_energy(arrays)
-    return momentum / (1.0 + math.sqrt(max(0.0, 1.0 + 2.0 * energy * momentum / mu)))
-
-
 def _raised_apogee(pilot: Pilot, share: float) -> float:
     """Return the apogee radius after a share of the burns to the target's apogee, m."""
-    apogee = _target_apogee(pilot.arrays)
+    apogee = target_apogee(pilot.arrays)
     mu, perigee = float(pilot.arrays.environment[0]["mu"]), pilot.parking_m
     if share == 1.0 or apogee <= perigee:
         return apogee
@@ -589,7 +565,8 @@ def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: flo
         return part * max(period, pilot.period)
     along = float(r @ v) / math.sqrt(mu * a)
     anomaly = math.atan2(along, 1.0 - distance / a)
-    return (_TO_APOGEE - (anomaly - along) / math.tau) * period
+    to_apogee = (_TO_APOGEE - (anomaly - along) / math.tau) * period
+    return min(to_apogee, _LONGEST_TO_APOGEE * pilot.period)
 
 
 def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: float) -> float:

@@ -22,8 +22,10 @@ _LEAST_BURN = 2
 _MOST_BURN = 40
 _LEAST_COAST = 2
 _MOST_COAST = 400
-#: Share of the intervals of a coast that are equal: they resolve orbits that become others.
+#: Share of the intervals of a coast that are equal, and the most in rad of a low circular orbit:
+#: they resolve orbits that become others.
 _COAST_EVEN = 0.05
+_MOST_EVEN = 3.0
 #: Turn of the thrust per additional interval, rad; most intervals of a phase; resolution of their
 #: ends.
 _THRUST_TURN = 0.15
@@ -147,7 +149,7 @@ def place_by_sweep(piece: Record, unit_s: float, finer: float, sweep: Sweep) -> 
     low = (end - begin) / unit_s
     even = np.linspace(0.0, 1.0, _PLACES)
     angle = np.interp(begin + even * (end - begin), sweep.time, sweep.angle)
-    whole = angle - angle[0] + _COAST_EVEN * low * even
+    whole = angle - angle[0] + min(_COAST_EVEN * low, _MOST_EVEN) * even
     count = min(max(math.ceil(whole[-1] / COAST_TURN), _LEAST_COAST), _MOST_COAST)
     pace = min(1.0, float(angle[-1] - angle[0]) / low)
     return _equal_shares(whole, math.ceil(finer * count)), pace

@@ -20,8 +20,6 @@ from ares_models.arrays import (
     COAST,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
-    TARGET_ELEMENTS,
-    TARGET_KEPLERIAN,
     MissionArrays,
     Record,
 )
@@ -493,14 +491,3 @@ def names_plane(arrays: MissionArrays) -> bool:
     """Return true if the target names its plane."""
     plane = NAMES_INCLINATION | NAMES_ASCENDING_NODE
     return int(judged_by(arrays.target[0])) & plane == plane
-
-
-def target_energy(arrays: MissionArrays) -> float:
-    """Return the specific energy of the target orbit, m2/s2."""
-    target = arrays.target[0]
-    mu = float(arrays.environment[0]["mu"])
-    if target["kind"] in (TARGET_ELEMENTS,):
-        return 0.5 * float(target["c3"])
-    if target["kind"] == TARGET_KEPLERIAN:
-        return -0.5 * mu / float(target["semi_major_axis"])
-    return 0.5 * float(target["speed"]) ** 2 - mu / float(target["radius"])
