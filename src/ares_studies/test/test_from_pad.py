@@ -948,6 +948,43 @@ def test_what_solids_give_too_much_is_wasted_by_every_law(law):
     assert float(end["mass"]) > 0.998 * solution.m_f_kg
 
 
+def test_a_spun_stage_after_a_short_coast_is_planned_and_flown():
+    """Try coasts within the bounds of the file: all but one were cut to the same 600 s."""
+    mission = load_mission(str(MISSIONS / "black_arrow_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    # the stage that drops before it keeps what the coast saves
+    assert solution.lengths_s[1] == pytest.approx(335.4, abs=1.0)
+    end = fly_compiled(mission, law=ready(mission, solution)).plant
+    assert judged(mission, end).end is End.TARGET
+
+
+@pytest.mark.trial
+def test_a_spun_stage_is_aimed_itself_where_the_burn_before_it_vanishes():
+    """A burn of a millisecond gives no attitude: it ended 1.25 deg off."""
+    mission = load_mission(str(MISSIONS / "h1_gto_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.converged, solution.reason
+    assert solution.lengths_s[2] < 0.01
+    end = fly_compiled(mission, law=ready(mission, solution)).plant
+    assert judged(mission, end).end is End.TARGET
+
+
+@pytest.mark.trial
+def test_a_flight_to_the_distance_of_the_moon_is_planned_and_flown():
+    """Begin with a coast of half a day, from which the search finds the one of five days."""
+    mission = load_mission(str(MISSIONS / "cz5_tli_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    # with a coast of 5,000 s: 19,422.2 kg
+    assert solution.m_f_kg > 19447.0
+    seldom = SimulatorOptions(navigation_period_s=10.0)
+    for law in ("peg", "igm", "optimal"):
+        end = fly_compiled(mission, seldom, law=ready(mission, solution, law)).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
 @pytest.mark.trial
 @pytest.mark.parametrize("name", ["antares_iss_pad", "lvm3_gto_pad"])
 def test_a_launcher_of_solids_and_liquids_is_planned_and_flown(name):

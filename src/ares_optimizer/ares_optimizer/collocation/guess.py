@@ -82,6 +82,8 @@ _SOON = 0.12
 _REVOLUTION = 0.97
 #: Miss beyond which the lengths of coasts are varied too.
 _FAR = 1e-2
+#: Miss of an ascent alone beyond which its burns do not reach the orbit.
+_OUT_OF_REACH = 0.2
 #: Number of steering constants that are kept of several.
 _LIKELY = 2
 #: Eccentricity from which a coast to apogee is tried first after an ascent, and relative difference
@@ -226,7 +228,9 @@ def _choices(
     """
     ascents = [parking] if parking is not None else list(_start_constants(pilot))
     longest = pilot.longest(coasts[0]) / pilot.period
-    firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]
+    firsts = [part for part in (*COASTS, *_LATER_COASTS) if part < longest or part in COASTS]
+    if longest < COASTS[0]:
+        firsts = [longest, *(part * longest for part in COASTS[3:])]
     if apogee_first:
         firsts.sort(key=lambda part: part != _TO_APOGEE)
     if int(judged_by(pilot.arrays.target[0])) & NAMES_ARGUMENT_OF_PERIGEE:
@@ -403,7 +407,7 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     if best is not None and best[0].times.cutoff < needless + _last_begin(alone, start, best[0]):
         # the burns of fixed length suffice: leave the speed free
         best = _aimed(without_speed(alone), start, needless) or best
-    if best is None:
+    if best is None or best[0].miss > _OUT_OF_REACH:
         return None
     trial, constants = best
     whole = np.zeros(CONSTANTS * pilot.count)

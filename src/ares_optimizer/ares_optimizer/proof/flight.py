@@ -45,8 +45,9 @@ RELATIVE_TOLERANCE = 1e-11
 #: The same in the air, where steering and drag are smooth in pieces only.
 AIR_TOLERANCE = 1e-9
 ABSOLUTE_TOLERANCE = np.array([1e-6] * 3 + [1e-9] * 3 + [1e-6])
-SAMPLE_PERIOD = 1.0  # s; longer where a flight would have more than MOST_SAMPLES
+SAMPLE_PERIOD = 1.0  # s; longer in a burn or in the long coasts of more than MOST_SAMPLES
 MOST_SAMPLES = 5000
+_LONG_COAST = 600.0  # s
 _SAME_TIME = 1e-9
 _SIDE = 1e-6
 
@@ -291,7 +292,6 @@ def fly(
     tracks: list[Trajectory] = []
     pieces: list[Piece] = []
     watching = False
-    period = max(SAMPLE_PERIOD, (plan.end - now) / MOST_SAMPLES)
     peak, spared, t = -math.inf, 0.0, now
     for end in [*ends, math.inf]:
         for time, k in plan.stagings:
@@ -304,6 +304,8 @@ def fly(
         direction = steering(t, end)
         piece, after = _integrate(arrays, plan, direction, (t, end), y)
         pieces.append(piece)
+        coasts = not running(plan.engines, t, end) and end - t > _LONG_COAST
+        period = max(SAMPLE_PERIOD, (plan.end - now if coasts else end - t) / MOST_SAMPLES)
         tracks.append(_sampled(arrays, piece, direction, period, (y, after)))
         if watching:
             peak = max(peak, _greatest_heating(arrays, piece.state, tracks[-1]))
