@@ -34,9 +34,11 @@ from ares_models.kernels.sequence import loaded_mass
 from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
+    HIGH_UP,
     ROUND,
     ascents_to_park,
     in_turn,
+    is_on_transfer,
     trials,
     without_speed,
 )
@@ -50,6 +52,7 @@ from ares_optimizer.collocation.pilot import (
 )
 from ares_optimizer.collocation.points import FoundOptimum, lowest_in, times_of
 from ares_optimizer.collocation.search import ENOUGH, LEAST_MET, LocalOptimum, Search
+from ares_optimizer.collocation.target_orbit import target_apogee, target_perigee
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import (
@@ -69,6 +72,9 @@ _MOST_ASCENTS = 3
 _MOST_RESTS = 2
 _MOST_WHOLE_RESTS = 8
 _MOST_AFTER = 4
+#: Most first guesses with a coast to the apogee, to find another flight than the best and to confirm
+#: it.
+_MOST_TO_APOGEE = 3
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
@@ -352,7 +358,8 @@ def try_coast_to_apogee(search: Search) -> None:
     """Solve from the best flight from the pad with its first free coast ended at apogee.
 
     The last burn of a transfer may be so short that the length of the coast before it matters
-    little, and several are local optima.
+    little, and several are local optima. A flight that coasts on a low orbit is one of two: the
+    other coasts after a single burn to the apogee of the target, and raises its perigee there.
 
     Args:
         search: with its best solution, if there is any; it may get another.
@@ -362,14 +369,24 @@ def try_coast_to_apogee(search: Search) -> None:
     if best is None or not coasts or plane_from_ground(arrays, start) is None:
         return
     begin = _beginning(search, best, coasts[0])
-    if begin is None or Pilot(arrays, begin.after, search.floors).eccentricity < ROUND:
+    if begin is None:
         return
-    following = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
-    trial = next(following, None)
-    if trial is not None and not are_alike(
-        trial.times.lengths, times_of(best.program, best.point.x).lengths[len(begin.lengths) :]
-    ):
-        search.try_start(_joined(search, begin, trial))
+    pilot = Pilot(arrays, begin.after, search.floors)
+    following: Iterator[TrialFlight] = iter(())
+    high = HIGH_UP * target_perigee(arrays) < target_apogee(arrays) < math.inf
+    if high and not is_on_transfer(pilot):
+        for alone in islice(reversed(list(ascents_to_park(Pilot(arrays, start, ())))), 1):
+            ascent = _best_ascent(search, alone)
+            following = _with_coasts(search, ascent) if ascent is not None else following
+    elif pilot.eccentricity > ROUND:
+        others = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
+        following = map(partial(_joined, search, begin), others)
+    lengths = times_of(best.program, best.point.x).lengths
+    for trial in islice(following, _MOST_TO_APOGEE):
+        if not are_alike(trial.times.lengths, lengths):
+            search.try_start(trial)
+        if search.is_conclusive or search.request.deadline.passed:
+            break
 
 
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:

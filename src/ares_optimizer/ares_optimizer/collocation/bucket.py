@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, MissionArrays
-from ares_models.kernels.environment import air_velocity, density
-from ares_models.kernels.vectors import dot
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.ascents import flight_of, searched
-from ares_optimizer.collocation.pilot import Array
+from ares_optimizer.collocation.limits import pressure_on
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.plan import free_arcs
@@ -55,7 +53,7 @@ def try_throttle_bucket(search: Search) -> None:
     if free.best is None:
         return
     flight = flight_of(free.best)
-    pressure, clock = _pressure(arrays, flight.track), flight.track[:, rollout.TIME]
+    pressure, clock = pressure_on(arrays, flight.track), flight.track[:, rollout.TIME]
     begin = float(clock[np.argmax(flight.track[:, rollout.ARC] >= bucket - 1)])
     # where the limit is kept without a bucket, an empty one
     high = clock[pressure > _HIGH * limit] if pressure.max() > limit else clock[[pressure.argmax()]]
@@ -101,18 +99,6 @@ def _free_burns(arrays: MissionArrays, stage: int) -> NDArray[np.int64]:
     arcs = arrays.arcs
     free = (arcs["kind"] == BURN) & np.isinf(arcs["duration"]) & (arcs["stage"] == stage)
     return np.flatnonzero(free)
-
-
-def _pressure(arrays: MissionArrays, track: Array) -> Array:
-    """Return the dynamic pressure on a track, Pa, shape (n,)."""
-    environment = arrays.environment[0]
-
-    def pressure(row: Array) -> float:
-        r, v = (tuple(row[at : at + 3].tolist()) for at in (rollout.POSITION, rollout.VELOCITY))
-        air = air_velocity(r, v, environment)
-        return 0.5 * float(density(r, environment, arrays.atmosphere)) * float(dot(air, air))
-
-    return np.array([pressure(row) for row in track])
 
 
 def _with_lengths(

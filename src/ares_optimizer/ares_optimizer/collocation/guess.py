@@ -97,7 +97,7 @@ _APOGEE = 0.98
 #: Ratio of apogee to perigee from which a coast to apogee is tried.
 _HIGH = 1.01
 #: The same, from which the way by a circle is the likelier one.
-_HIGH_UP = 1.5
+HIGH_UP = 1.5
 #: Cosine of the angle of a named plane to the pad up to which an ascent turns into it rather than
 #: into the nearest plane over the pad.
 _NEAR_PLANE = math.cos(math.radians(8.0))
@@ -238,7 +238,7 @@ def _choices(
     later = len(coasts) - 1
     arc = int(pilot.start["arc"][0])
     burns = bool(pilot.arrays.arcs[arc]["kind"] == BURN)
-    if burns and arc in pilot.free and _is_on_transfer(pilot):
+    if burns and arc in pilot.free and is_on_transfer(pilot):
         # this burn is not needed
         yield [(np.zeros(CONSTANTS * pilot.count), {arc: 0.0})], (_TO_APOGEE,) * len(coasts)
     # several burns at perigee raise the apogee
@@ -268,7 +268,7 @@ def _choices(
             yield ascents, (part, *([_SOON] * later))
 
 
-def _is_on_transfer(pilot: Pilot) -> bool:
+def is_on_transfer(pilot: Pilot) -> bool:
     """Return true if a flight begins on an ellipse to the target's apogee."""
     if pilot.energy >= 0.0 or pilot.eccentricity < ROUND:
         return False
@@ -332,9 +332,9 @@ def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
     if following == 1 and pilot.apogee_m == parking:
         low = max(parking - _LOWER_M, lowest) <= perigee < parking + _LOW_M
         circle = perigee if low else parking
-        ways = [(circle, circle)] * (low or apogee > _HIGH_UP * perigee)
+        ways = [(circle, circle)] * (low or apogee > HIGH_UP * perigee)
         ways += [(parking, apogee)] * (apogee > perigee or not low)
-        if apogee < _HIGH_UP * parking:
+        if apogee < HIGH_UP * parking:
             ways.reverse()
     if pilot.parks:
         ways = [(pilot.parking_m, pilot.apogee_m)]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline, make_interp_spline
 
 from ares_models.floors import Floor
-from ares_models.tolerances import PRESSURE_SHARE
+from ares_models.tolerances import FLOOR_M, PRESSURE_SHARE
 from ares_optimizer.collocation.arrays import (
     COASTING,
     DYNAMIC_PRESSURE_RULE,
@@ -32,7 +32,12 @@ from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import with_lengths
-from ares_optimizer.proof.checks import constraint_table, limits_of, pressures_in
+from ares_optimizer.proof.checks import (
+    constraint_table,
+    limits_of,
+    lowest_altitude,
+    pressures_in,
+)
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.results import SAME_LENGTH, jettison_times
@@ -119,6 +124,7 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
         found = _above_floors(search, proven.found, floors, levels)
         if found is not proven.found:
             proven = _verified(search, found, adjoint_of(found.program, found.point))
+        proven = _lifted(search, proven, floors, levels)
         if proven.exact and all(c.satisfied for c in proven.checks):
             break
     if proven is None:
@@ -143,6 +149,23 @@ def _above_floors(
             break
         found = again
     return found
+
+
+def _lifted(
+    search: Search, proven: Proven, floors: dict[int, Floor], levels: dict[int, float]
+) -> Proven:
+    """Solve again with higher floors at the states, if the flight that verifies dips below one."""
+    found, flight = proven.found, proven.flight
+    for k, floor in floors.items():
+        if flight is None or not flight.whole or not math.isfinite(floor.altitude_m):
+            continue
+        sag = floor.altitude_m - lowest_altitude(search.arrays, flight, k)
+        if sag > FLOOR_M:
+            again = _with_levels(search, found, levels | {k: levels[k] + sag})
+            found = again or found
+    if found is proven.found:
+        return proven
+    return _verified(search, found, adjoint_of(found.program, found.point))
 
 
 def _with_levels(

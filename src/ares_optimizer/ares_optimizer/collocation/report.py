@@ -353,7 +353,7 @@ def _floor_check(found: FoundOptimum, floor: Floor) -> ConstraintCheck:
         floor.altitude_m,
         low < floor.altitude_m + _ACTIVE,
         "m",
-        low >= floor.altitude_m - 0.1 * SAG,
+        low >= floor.altitude_m - SAG,
         price,
     )
 

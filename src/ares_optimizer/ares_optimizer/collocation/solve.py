@@ -17,6 +17,7 @@ from ares_optimizer.collocation.ascents import (
 )
 from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.divided_burn import raises_slowly, try_divided_burn
+from ares_optimizer.collocation.limits import limits_out_of_reach
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
 from ares_optimizer.collocation.search import Search
@@ -58,6 +59,9 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     search = Search(arrays, start, floors, request)
     short: Shortage | None = None
     try_known(search)
+    if search.best is None and (beyond := limits_out_of_reach(search)):
+        elapsed = 1e3 * (time.perf_counter() - began)
+        return failed(METHOD, beyond, iterations=search.iterations, solve_ms=elapsed)
     if search.starts and search.best is None and beat_kg is None:
         short = short_of_propellant(search)
     begun = search.starts

@@ -7,7 +7,6 @@ which a fairing drops, and the burns that reach the limit of a throttle, are fix
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -48,8 +47,8 @@ from ares_optimizer.collocation.kernels import (
 )
 from ares_optimizer.collocation.patterns import hessian_of, jacobian_of
 from ares_optimizer.collocation.radau import radau
+from ares_optimizer.collocation.rows import ConstraintRows, count_rows
 from ares_optimizer.kernels import timetable
-from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage, waiting_for_heating
 
 Array = NDArray[np.float64]
@@ -77,23 +76,6 @@ class FreeTimes(NamedTuple):
     drops: Array
 
 
-@dataclass
-class ConstraintRows:
-    """Hold the bounds of all rows, and the entries of linear rows."""
-
-    lower: list[float] = field(default_factory=list)
-    upper: list[float] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
-    linear: list[tuple[int, int, float]] = field(default_factory=list)
-
-    def add(self, name: str, lower: float, upper: float) -> int:
-        """Add a row; return its index."""
-        self.lower.append(lower)
-        self.upper.append(upper)
-        self.names.append(name)
-        return len(self.lower) - 1
-
-
 def segments_of(
     arrays: MissionArrays, start: NDArray[np.void], times: FreeTimes
 ) -> NDArray[np.void]:
@@ -119,18 +101,6 @@ def segments_of(
         segments,
     )
     return segments[:count]
-
-
-def count_rows(target: Record, start: NDArray[np.void]) -> int:
-    """Return the number of equations of a target, record TARGET.
-
-    Args:
-        target: of kind TARGET_*.
-        start: any state, shape (1,), dtype NAVIGATION.
-    """
-    room = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
-    r, v = (tuple(start[name][0].tolist()) for name in ("position", "velocity"))
-    return int(terminal_rows(target, 1.0, r, v, *room))
 
 
 class CollocationProgram:
@@ -540,7 +510,8 @@ class CollocationProgram:
         for i, (name, node) in enumerate([("target", self.nodes - 1), *places]):
             count = count_rows(self.targets[i], self.start)
             numbers = [rows.add(name, 0.0, 0.0) for _ in range(count)]
-            rules.append((TARGET_RULE, node, numbers[0], count, i, -1, 0.0))
+            if numbers:
+                rules.append((TARGET_RULE, node, numbers[0], count, i, -1, 0.0))
         self.rules = np.array(rules, RULE)
         self._levels = self.rules["level"].copy()
 

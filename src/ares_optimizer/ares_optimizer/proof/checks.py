@@ -56,13 +56,17 @@ def judged_end(arrays: MissionArrays, flight: ProofFlight) -> Judgement:
         arrays.target[0],
         float(environment["mu"]),
         float(environment["equatorial_radius"]),
-        grounded=_lowest(arrays, flight) < -ROUNDING_M,
+        grounded=lowest_altitude(arrays, flight) < -ROUNDING_M,
     )
 
 
-def _lowest(arrays: MissionArrays, flight: ProofFlight) -> float:
-    """Return the lowest altitude of a flight, m."""
-    r = flight.trajectory.position
+def lowest_altitude(arrays: MissionArrays, flight: ProofFlight, arc: int | None = None) -> float:
+    """Return the lowest altitude of a flight, or in one of its arcs, m."""
+    track = flight.trajectory
+    r = track.position
+    if arc is not None:
+        _, begin, end = next(times for times in flight.plan.arcs if times[0] == arc)
+        r = r[(track.time_s >= begin) & (track.time_s <= end)]
     ground = surface_radius(r, arrays.environment[0])
     return float(np.min(np.linalg.norm(r, axis=-1) - ground))
 
@@ -78,7 +82,7 @@ def constraint_table(
         flight: from :func:`fly`.
         heating: where the heating limit holds.
     """
-    lowest = _lowest(arrays, flight)
+    lowest = lowest_altitude(arrays, flight)
     usable = float(arrays.arcs[-1]["propellant"])
     return (
         *_target_checks(arrays, flight),
