@@ -72,8 +72,8 @@ _MOST_ASCENTS = 3
 _MOST_RESTS = 2
 _MOST_WHOLE_RESTS = 8
 _MOST_AFTER = 4
-#: Most first guesses with a coast to the apogee, to find another flight than the best and to confirm
-#: it.
+#: Most first guesses with a coast to the apogee: to find a flight better than the best, and to
+#: confirm it.
 _MOST_TO_APOGEE = 3
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
@@ -364,29 +364,45 @@ def try_coast_to_apogee(search: Search) -> None:
     Args:
         search: with its best solution, if there is any; it may get another.
     """
-    best, arrays, start = search.best, search.arrays, search.start
+    arrays, start = search.arrays, search.start
     coasts = [k for k in free_arcs(arrays, start[0]) if arrays.arcs[k]["kind"] == COAST]
-    if best is None or not coasts or plane_from_ground(arrays, start) is None:
+    if search.best is None or not coasts or plane_from_ground(arrays, start) is None:
         return
-    begin = _beginning(search, best, coasts[0])
+    lengths = search.optima[0].lengths
+    for _ in range(_MOST_TO_APOGEE):
+        best = search.best
+        trial = _to_apogee(search, best, coasts[0])
+        if trial is None or are_alike(trial.times.lengths, lengths):
+            return
+        search.try_start(trial)
+        if search.is_conclusive or search.request.deadline.passed or search.best is best:
+            return
+
+
+def _to_apogee(search: Search, best: FoundOptimum, coast: int) -> TrialFlight | None:
+    """Return a flight that coasts to the apogee, of its own orbit or of a high target.
+
+    Args:
+        search: of the mission.
+        best: with whose ascent it begins.
+        coast: the first free one.
+    """
+    arrays = search.arrays
+    begin = _beginning(search, best, coast)
     if begin is None:
-        return
+        return None
     pilot = Pilot(arrays, begin.after, search.floors)
-    following: Iterator[TrialFlight] = iter(())
     high = HIGH_UP * target_perigee(arrays) < target_apogee(arrays) < math.inf
     if high and not is_on_transfer(pilot):
-        for alone in islice(reversed(list(ascents_to_park(Pilot(arrays, start, ())))), 1):
-            ascent = _best_ascent(search, alone)
-            following = _with_coasts(search, ascent) if ascent is not None else following
-    elif pilot.eccentricity > ROUND:
-        others = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
-        following = map(partial(_joined, search, begin), others)
-    lengths = times_of(best.program, best.point.x).lengths
-    for trial in islice(following, _MOST_TO_APOGEE):
-        if not are_alike(trial.times.lengths, lengths):
-            search.try_start(trial)
-        if search.is_conclusive or search.request.deadline.passed:
-            break
+        # the last one is that to the apogee of the target
+        *_, alone = None, *ascents_to_park(Pilot(arrays, search.start, search.floors))
+        ascent = None if alone is None else _best_ascent(search, alone)
+        return None if ascent is None else next(_with_coasts(search, ascent), None)
+    if pilot.eccentricity < ROUND:
+        return None
+    after = trials(arrays, begin.after, floors_of(arrays, begin.after), vary_coasts=True)
+    trial = next(after, None)
+    return None if trial is None else _joined(search, begin, trial)
 
 
 def _best_ascent(search: Search, alone: MissionArrays) -> FoundOptimum | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, MissionArrays
 from ares_optimizer.collocation import rollout
-from ares_optimizer.collocation.ascents import flight_of, searched
+from ares_optimizer.collocation.ascents import flight_of, searched, try_coast_to_apogee
 from ares_optimizer.collocation.limits import pressure_on
 from ares_optimizer.collocation.search import Search
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -50,6 +50,7 @@ def try_throttle_bucket(search: Search) -> None:
     )
     without, burns = _with_lengths(unlimited, bucket, (_NO_BUCKET_S, _NO_BUCKET_S))
     free = searched(search, without)
+    try_coast_to_apogee(free)
     if free.best is None:
         return
     flight = flight_of(free.best)

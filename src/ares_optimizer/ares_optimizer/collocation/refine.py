@@ -27,7 +27,14 @@ from ares_optimizer.collocation.points import (
     lowest_in,
     times_of,
 )
-from ares_optimizer.collocation.search import CORNER, Search, again_found, refined
+from ares_optimizer.collocation.search import (
+    CORNER,
+    LIMITED_MASS,
+    LocalOptimum,
+    Search,
+    again_found,
+    refined,
+)
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.collocation.variables import node_times
@@ -47,6 +54,8 @@ from ares_optimizer.solution import Check, ConstraintCheck
 #: limit acts: there the turn of coarse directions is overestimated.
 _FINER = (1.5, 3.0, 5.0, 9.0)
 _FINER_LIMITED = (0.7, 1.5, 3.0, 6.0)
+#: Most local optima compared on finer intervals.
+_MOST_COMPARED = 3
 #: Largest relative spread of the Hamiltonian along a phase, and along one with an active pressure
 #: limit: where that begins and ceases to act the multipliers jump within an interval.
 SPREAD = 1e-4
@@ -100,6 +109,8 @@ class Proven:
 def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[Floor, ...]]:
     """Refine the best solution until its flight is proven; return it with the floors it keeps."""
     request = search.request
+    if acting_limits(best):
+        best = _best_on_finer(search, best)
     search.idle = is_idle(best)
     floors = {floor.arc: floor for floor in search.floors if best.program.floor_rows.get(floor.arc)}
     levels = {k: floor.altitude_m for k, floor in floors.items()}
@@ -130,6 +141,27 @@ def refine_solution(search: Search, best: FoundOptimum) -> tuple[Proven, tuple[F
     if proven is None:
         proven = _verified(search, found, adjoint_of(found.program, found.point))
     return proven, tuple(floors.values())
+
+
+def _best_on_finer(search: Search, best: FoundOptimum) -> FoundOptimum:
+    """Return the solution that is best on finer intervals, and put it first in the search.
+
+    On those of the search a flight exceeds its pressure limits between the states, unseen, and
+    gains by that.
+    """
+    near = [o for o in search.optima if o.found.m_f_kg > (1.0 - LIMITED_MASS) * best.m_f_kg]
+    masses: list[tuple[float, LocalOptimum]] = []
+    for optimum in near[:_MOST_COMPARED] if len(near) > 1 else ():
+        floors = tuple(f for f in search.floors if optimum.found.program.floor_rows.get(f.arc))
+        other = refined(search, optimum.found, floors, _FINER_LIMITED[0])
+        if other is not None:
+            masses.append((other.m_f_kg, optimum))
+    if not masses:
+        return best
+    first = max(masses, key=lambda one: one[0])[1]
+    search.optima.remove(first)
+    search.optima.insert(0, first)
+    return first.found
 
 
 def allowed_spread(found: FoundOptimum) -> float:

@@ -84,7 +84,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
             if search.best is None:
                 try_free_node(search)
             short = short_of_propellant(search) if search.best is None else None
-    try_coast_to_apogee(search)
+    if not throttled:
+        try_coast_to_apogee(search)
     try_lower_coast(search)
     try_other_plane(search)
     search.unfinished = request.deadline.passed
