@@ -12,22 +12,23 @@ from ares_models.kernels.vectors import dot
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.pilot import CONSTANTS, Array, Pilot, plane_from_ground
-from ares_optimizer.collocation.search import Search
+from ares_optimizer.collocation.search import Search, refined
 from ares_optimizer.collocation.transcription import FreeTimes
 from ares_optimizer.solution import Cause, Status
 
-#: Excess of a limit from which it is out of reach, as a factor.
+#: Excess of a limit from which it is surely out of reach, as a factor.
 _SURELY = 1.02
-#: First guesses that must fail to keep it.
+#: First guesses that must fail to keep it, and factor on the intervals on which one must keep it.
 _MOST_GUESSES = 3
+_FINER = 0.7
 
 
 def limits_out_of_reach(search: Search) -> Cause | None:
     """Return the limits that no flight from the pad keeps; None if none are known.
 
     The steeper a flight, the lower is its dynamic pressure. If a vertical flight exceeds the limit,
-    the arcs that have limits are solved alone, to any end: without a solution, the limits are
-    narrowed until there is none any more.
+    the arcs that have limits are solved alone, to any end. Without a solution the limits are
+    narrowed until there is none any more; with one it must keep them on finer intervals too.
 
     Args:
         search: of the mission.
@@ -37,21 +38,26 @@ def limits_out_of_reach(search: Search) -> Cause | None:
         return None
     limit = float(alone.arcs["max_dynamic_pressure"].min())
     upwards = _vertical_pressure(search, alone)
-    if upwards < _SURELY * limit:
+    if upwards < limit:
         return None
     part = Search(alone, search.start, (), search.request)
     for trial in islice(trials(alone, search.start, ()), _MOST_GUESSES):
         part.try_start(trial)
         if part.best is not None or search.request.deadline.passed:
             break
+    kept = part.best is not None and refined(part, part.best, (), _FINER) is not None
     search.iterations += part.iterations
-    if part.best is not None or not _SURELY < part.limits_met < math.inf:
+    if kept or search.request.deadline.passed:
         return None
+    sure = _SURELY < part.limits_met < math.inf
+    factor = ""
+    if part.limits_met < math.inf:
+        factor = f"; limits {part.limits_met:.2f} times as high can be kept"
     return Cause(
-        Status.INFEASIBLE,
-        f"no flight from the pad keeps the limits of dynamic pressure and q alpha: upwards at no "
-        f"angle of attack it reaches {1e-3 * upwards:,.1f} kPa, limit {1e-3 * limit:,.1f} kPa; "
-        f"limits {part.limits_met:.2f} times as high can be kept",
+        Status.INFEASIBLE if sure else Status.STALLED,
+        f"no flight from the pad {'keeps' if sure else 'was found that keeps'} the "
+        f"limits of dynamic pressure and q alpha: upwards at no angle of attack it reaches "
+        f"{1e-3 * upwards:,.1f} kPa, limit {1e-3 * limit:,.1f} kPa{factor}",
     )
 
 
