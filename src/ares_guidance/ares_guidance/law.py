@@ -38,6 +38,8 @@ from ares_models.plans import coasts_long, flies_in_air, leaves_arcs_free, needs
 #: the end: a law that needs more is lost, one that believes to need less finds its way.
 SAME_END = 0.005
 MOST_EARLY = 0.1
+#: Time to a second answer, s.
+_NEXT_S = 1e-3
 #: Least cosine of the angle between the law's direction and the planned one at the hand-over.
 MOST_ASIDE = math.cos(math.radians(30.0))
 #: Share of the planned velocity from which a law must find its way too.
@@ -352,6 +354,12 @@ class Law:
         self._begin()
         self.onboard.navigation[0] = programme.state[0]
         self.onboard.navigation[0]["velocity"] *= share
+        self._answer(self._arrays, self.onboard)
+        # the first cycle takes the time of a heating jettison from the plan, the next its own
+        navigation = self.onboard.navigation[0]
+        navigation["time"] += _NEXT_S
+        navigation["position"] += _NEXT_S * navigation["velocity"]
+        self.state["next_cycle_time"] = navigation["time"]
         self._answer(self._arrays, self.onboard)
         by_legs = bool(self.state["plan"]["made"]) and int(self.state["leg"]["count"]) > 0
         last = int(self.state["leg"]["count"]) - 1 if by_legs else len(self._arrays.arcs) - 1
