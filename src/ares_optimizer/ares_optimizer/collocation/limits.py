@@ -57,7 +57,8 @@ def limits_out_of_reach(search: Search) -> Cause | None:
         Status.INFEASIBLE if sure else Status.STALLED,
         f"no flight from the pad {'keeps' if sure else 'was found that keeps'} the "
         f"limits of dynamic pressure and q alpha: upwards at no angle of attack it reaches "
-        f"{1e-3 * upwards:,.1f} kPa, limit {1e-3 * limit:,.1f} kPa{factor}",
+        f"{1e-3 * upwards:,.1f} kPa, limit {1e-3 * limit:,.1f} kPa{factor}; less thrust or a "
+        f"throttle_bucket lowers the pressure",
     )
 
 
