@@ -359,7 +359,7 @@ class Law:
         navigation = self.onboard.navigation[0]
         navigation["time"] += _NEXT_S
         navigation["position"] += _NEXT_S * navigation["velocity"]
-        self.state["next_cycle_time"] = navigation["time"]
+        self.state["next_cycle_time"] = self.state["leg"]["cycle_time"] = navigation["time"]
         self._answer(self._arrays, self.onboard)
         by_legs = bool(self.state["plan"]["made"]) and int(self.state["leg"]["count"]) > 0
         last = int(self.state["leg"]["count"]) - 1 if by_legs else len(self._arrays.arcs) - 1
