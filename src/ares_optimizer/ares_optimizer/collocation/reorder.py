@@ -60,13 +60,15 @@ def _moved_times(
     k = int(program.segments[p]["arc"])
     burn, step = (k, -move) if p == phases[-1] else (_burn_before(program, k), move)
     free = free_arcs(program.arrays, program.start[0])
-    if burn == len(program.arrays.arcs) - 1:
+    last = program.arrays.arcs[-1]
+    fixed = not last["shortest"] < last["longest"]
+    if burn == len(program.arrays.arcs) - 1 and not fixed:
         return times._replace(cutoff=times.cutoff + step)
     if burn not in free:
         return None
     moved = times.lengths.copy()
     moved[free.index(burn)] += step
-    return times._replace(lengths=moved)
+    return times._replace(lengths=moved, cutoff=times.cutoff + step * fixed)
 
 
 def _burn_before(program: CollocationProgram, k: int) -> int:
