@@ -37,6 +37,9 @@ SMALL_WHERE_LONG = 0.2
 #: Range angle of a burn, rad, up to which a pass other than PEG's predicts gravity well enough
 #: there. The mean of both ends errs by 10 m/s over it, and with the third power of the angle.
 FAR_BY_MEAN = 0.25
+#: Excess of the delta-V that a first solution by large angles lacks over that by small angles, from
+#: which it is another flight, as a fraction of the velocity-to-go.
+FAR_SHORT = 0.1
 #: Surplus of a leg that the clock ends, as a fraction of its length, that may be an error of the
 #: prediction: spent too early it is missing at the end.
 SAME_LENGTH = 3e-3
@@ -131,7 +134,7 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
         if by_orbit and goes_far(mission, onboard):
             limit = 0.0
     small_does = False
-    dear = 0.0
+    dear, short = 0.0, math.inf
     if state.solution.primer.gradient == 0.0:
         state.law = LAW
         error, reachable = converge(mission, onboard)
@@ -148,8 +151,9 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
         late = state.solution.time_to_go <= onboard.settings.restart_time
         small = state.solution.turn < STEEPEST or not reachable or late
         small_does = error == ERROR_NONE and small
+        short = lacking_speed(state) if small_does and cold else math.inf
         # a first solution may lack propellant only because of its small-angle expansion
-        dear = lacking_speed(state) if small_does and cold else 0.0
+        dear = short if good and cold else 0.0
         if good and not dear > SETTLED and settle(mission, onboard) == ERROR_NONE:
             return ERROR_NONE, True
         if good or error != ERROR_NONE or state.leg.time_to_go > 0.0:
@@ -159,7 +163,9 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
     if error != ERROR_NONE and cold:
         error = converge_lofted(mission, onboard)
     lacks = lacking_speed(state) if cold and error == ERROR_NONE else 0.0
-    worse = lacks > SETTLED and not lacks < dear
+    worse = dear > SETTLED and error == ERROR_NONE and not lacks < dear
+    # it may know nothing of a jettison that is to come
+    worse = worse or lacks - short > FAR_SHORT * norm(load(state.solution.velocity_to_go))
     if (error != ERROR_NONE or worse) and small_does:
         state.law = LAW
         begin_again(mission, onboard, cold)
