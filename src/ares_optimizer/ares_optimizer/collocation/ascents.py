@@ -75,8 +75,6 @@ _MOST_AFTER = 4
 #: Most first guesses with a coast to the apogee: to find a flight better than the best, and to
 #: confirm it.
 _MOST_TO_APOGEE = 3
-#: Most iterations of a transfer alone: longer searches mostly fail.
-_MOST_OF_TRANSFER = 120
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
@@ -189,10 +187,10 @@ def _solved_rests(
     if not whole:
         # the second one is the transfer to the apogee of the target, if it is higher
         following = reversed(list(islice(following, _MOST_RESTS)))
-    for number, trial in enumerate(islice(following, _MOST_WHOLE_RESTS)):
+    for trial in islice(following, _MOST_WHOLE_RESTS):
         if search.request.deadline.passed or rest.again >= ENOUGH:
             break
-        rest.try_start(trial, None if whole or number else _MOST_OF_TRANSFER)
+        rest.try_start(trial)
     search.iterations += rest.iterations
     return rest.optima
 

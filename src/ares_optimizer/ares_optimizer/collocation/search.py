@@ -204,18 +204,17 @@ class Search:
             and led == self.again >= self.starts - _FAILED
         )
 
-    def try_start(self, trial: TrialFlight, most: int | None = None) -> None:
+    def try_start(self, trial: TrialFlight) -> None:
         """Solve from a trial flight; skip one far from its target if a solution is known.
 
         First guesses that led to the trial flight agree on its solution only if that is like it.
-        Iterations end at ``most``; None: at those of a start.
         """
         if self.best is not None and trial.miss > _FAR_OFF:
             return
         self.starts += 1
         if self._nearest is None or trial.miss < self._nearest.miss:
             self._nearest = trial
-        self._allow_iterations(most)
+        self._allow_iterations()
         found = self._found_from(trial)
         self._most_iterations = math.inf
         if found is not None and not self._underground(found) and not self._is_reversed(found):
@@ -226,10 +225,10 @@ class Search:
                 return
         self._unproven |= found is not None
 
-    def _allow_iterations(self, most: int | None = None) -> None:
-        """Bound the iterations from here on; None: by those of a start."""
-        usual = _MOST_OF_START if self.best is None else _MOST_OF_OTHERS
-        self._most_iterations = self.iterations + (usual if most is None else most)
+    def _allow_iterations(self) -> None:
+        """Bound the iterations from here on by those of a start."""
+        most = _MOST_OF_START if self.best is None else _MOST_OF_OTHERS
+        self._most_iterations = self.iterations + most
 
     def _found_from(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight, with floors where it goes below the ground."""
