@@ -394,9 +394,9 @@ def _to_apogee(search: Search, best: FoundOptimum, coast: int) -> TrialFlight | 
     pilot = Pilot(arrays, begin.after, search.floors)
     high = HIGH_UP * target_perigee(arrays) < target_apogee(arrays) < math.inf
     if high and not is_on_transfer(pilot):
+        to_park = list(ascents_to_park(Pilot(arrays, search.start, search.floors)))
         # the last one is that to the apogee of the target
-        *_, alone = None, *ascents_to_park(Pilot(arrays, search.start, search.floors))
-        ascent = None if alone is None else _best_ascent(search, alone)
+        ascent = _best_ascent(search, to_park[-1]) if to_park else None
         return None if ascent is None else next(_with_coasts(search, ascent), None)
     if pilot.eccentricity < ROUND:
         return None

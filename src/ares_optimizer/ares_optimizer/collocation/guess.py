@@ -228,7 +228,7 @@ def _choices(
     """
     ascents = [parking] if parking is not None else list(_start_constants(pilot))
     longest = pilot.longest(coasts[0]) / pilot.period
-    firsts = [part for part in (*COASTS, *_LATER_COASTS) if part < longest or part in COASTS]
+    firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]
     if longest < COASTS[0]:
         firsts = [longest, *(part * longest for part in COASTS[3:])]
     if apogee_first:
