@@ -47,11 +47,11 @@ def _moved_times(
     for number, at in program.drop_ends.items():
         own = program.arrays.jettisons[program.waiting_for_heating[number]]["stage"]
         # in a coast nothing is gained: on to the burn before or after it
-        if at == p and p == phases[0]:
+        if at == p:
             before = max((q for q in range(p) if burning[q] and stages[q] >= own), default=None)
             if before is not None:
                 drops[number] -= move + lengths[before + 1 : p].sum()
-        if at == p - 1 and p == phases[-1] and p + 1 < len(lengths):
+        if at == p - 1 and p + 1 < len(lengths):
             after = min((q for q in range(p + 1, len(lengths)) if burning[q]), default=p + 1)
             drops[number] += move + lengths[p + 1 : after].sum()
     if (drops != times.drops).any():
