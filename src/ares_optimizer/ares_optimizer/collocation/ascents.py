@@ -50,7 +50,12 @@ from ares_optimizer.collocation.pilot import (
     names_plane,
     plane_from_ground,
 )
-from ares_optimizer.collocation.points import FoundOptimum, lowest_in, times_of
+from ares_optimizer.collocation.points import (
+    FoundOptimum,
+    jettison_times_of,
+    lowest_in,
+    times_of,
+)
 from ares_optimizer.collocation.search import ENOUGH, LEAST_MET, LocalOptimum, Search
 from ares_optimizer.collocation.target_orbit import target_apogee, target_perigee
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -61,7 +66,7 @@ from ares_optimizer.plan import (
     waiting_for_heating,
     with_more_propellant,
 )
-from ares_optimizer.results import SAME_LENGTH, jettison_times
+from ares_optimizer.results import SAME_LENGTH
 from ares_optimizer.solution import OptimizerError, Solution
 
 #: Most starts of a search.
@@ -487,7 +492,7 @@ def _beginning(search: Search, found: FoundOptimum, arc: int) -> Beginning | Non
     after["mass"] = program.mass * x[program.masses[end] if end < phases else program.ends[-1]]
     after["time"] = after["arc_start_time"] = now
     after["arc"] = arc
-    due = jettison_times(program.arrays, start[0], program.segments, times.drops, times.cutoff)
+    due = jettison_times_of(program, x, times)
     off = np.array([t <= now + SAME_LENGTH for t in due], bool)
     for j in np.flatnonzero(off):
         after["jettisoned"] |= 1 << int(j)

@@ -20,7 +20,7 @@ from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
 from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import free_arcs, length_bounds, saving_stage
-from ares_optimizer.results import SAME_LENGTH
+from ares_optimizer.results import SAME_LENGTH, jettison_times
 
 Array = NDArray[np.float64]
 #: Distance within which the bound of a variable is active.
@@ -110,6 +110,21 @@ def times_of(program: CollocationProgram, x: Array, apart: float = 2.0 * SAME_LE
     cutoff = float(begins[last + 1])
     drops = [_drop_time(begins, program.drop_ends[n], apart) for n in range(program.waiting)]
     return FreeTimes(np.array(lengths), cutoff, np.array(drops))
+
+
+def jettison_times_of(program: CollocationProgram, x: Array, times: FreeTimes) -> tuple[float, ...]:
+    """Return the time of every jettison at a point of a program, s; nan: not in this flight.
+
+    Args:
+        program: the program.
+        x: shape (n,), its variables.
+        times: of the point, from :func:`times_of`.
+    """
+    pieces = program.segments.copy()
+    lengths = program.time * x[program.lengths]
+    pieces["end"] = float(program.start["time"][0]) + np.cumsum(lengths)
+    pieces["start"] = pieces["end"] - lengths
+    return jettison_times(program.arrays, program.start[0], pieces, times.drops, times.cutoff)
 
 
 def _drop_time(begins: Array, p: int, apart: float) -> float:

@@ -24,6 +24,7 @@ from ares_optimizer.collocation.points import (
     acting_limits,
     hamiltonian_spread,
     is_idle,
+    jettison_times_of,
     lowest_in,
     times_of,
 )
@@ -47,7 +48,7 @@ from ares_optimizer.proof.checks import (
 )
 from ares_optimizer.proof.flight import Direction, ProofFlight, Steering, fly
 from ares_optimizer.request import Heating
-from ares_optimizer.results import SAME_LENGTH, jettison_times
+from ares_optimizer.results import SAME_LENGTH
 from ares_optimizer.solution import Check, ConstraintCheck
 
 #: Factors on the number of intervals of the refined programs, and of those in which a pressure
@@ -298,9 +299,7 @@ def _verified(search: Search, found: FoundOptimum, adjoint: Adjoint) -> Proven:
         planned,
         search.start[0],
         steering,
-        jettison_times(
-            program.arrays, program.start[0], program.segments, times.drops, times.cutoff
-        ),
+        jettison_times_of(program, point.x, times),
         times.cutoff,
         [float(t) for t in adjoint.time[np.flatnonzero(np.diff(adjoint.phase)) + 1]],
     )

@@ -20,6 +20,7 @@ from ares_optimizer.collocation.points import (
     free_propellant,
     hamiltonian_spread,
     is_saddle,
+    jettison_times_of,
     lowest_in,
     times_of,
 )
@@ -35,7 +36,6 @@ from ares_optimizer.proof.checks import limits_of, verification
 from ares_optimizer.proof.held import held_checks, held_offsets
 from ares_optimizer.results import (
     SAME_LENGTH,
-    jettison_times,
     length_checks,
     steering_arc,
     with_multipliers,
@@ -157,9 +157,7 @@ def solution_of(
     solution = Solution(
         METHOD,
         *verdict_of(search, proven, checks, spread),
-        jettison_times(
-            program.arrays, program.start[0], program.segments, times.drops, times.cutoff
-        ),
+        jettison_times_of(program, point.x, times),
         times.cutoff,
         proven.found.end_kg,
         search.iterations,
