@@ -27,7 +27,7 @@ from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.kept import solve_once
 from ares_optimizer.registry import AUTO, COLLOCATION, INDIRECT_METHODS, method_names
-from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
+from ares_optimizer.solution import OptimizerError, Solution, Status, UnfitMethod
 
 Response: Any = SolveTrajectory.Response
 
@@ -274,10 +274,6 @@ def _doubles(values: Any) -> "array[float]":
     return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
 
-def _coasts(arc: SteeringArc) -> bool:
-    return arc.delta_v_m_s == 0.0
-
-
 def _fill(response: Any, solution: Solution) -> None:
     response.converged = solution.converged
     response.jettison_time = solution.t_plf_s
@@ -296,7 +292,7 @@ def _fill(response: Any, solution: Solution) -> None:
             for arc in arcs
         ]
     ).reshape(-1, 10)
-    steering[[_coasts(arc) for arc in arcs]] = math.nan
+    steering[[arc.coasts for arc in arcs]] = math.nan
     response.steering_reference_time = _doubles(steering[:, 0])
     response.steering_direction = _doubles(steering[:, 1:4])
     response.steering_direction_rate = _doubles(steering[:, 4:7])
@@ -307,13 +303,8 @@ def _fill(response: Any, solution: Solution) -> None:
     response.by_legs = solution.by_legs
     flight = solution.trajectory
     if flight is not None:
-        direction = flight.direction.copy()
-        for arc in filter(_coasts, arcs):
-            first = np.searchsorted(flight.time_s, arc.start_s, side="right") - 1
-            last = np.searchsorted(flight.time_s, arc.end_s, side="left")
-            direction[max(first, 0) : last + 1] = math.nan
         response.sample_time = _doubles(flight.time_s)
         response.sample_position = _doubles(flight.position)
         response.sample_velocity = _doubles(flight.velocity)
         response.sample_mass = _doubles(flight.mass)
-        response.sample_direction = _doubles(direction)
+        response.sample_direction = _doubles(solution.thrust_directions())

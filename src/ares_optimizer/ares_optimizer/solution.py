@@ -131,6 +131,11 @@ class SteeringArc:
     delta_v_m_s: float
     primer_rate: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
+    @property
+    def coasts(self) -> bool:
+        """Return true if the piece has no thrust."""
+        return self.delta_v_m_s == 0.0
+
 
 @dataclass(frozen=True)
 class FlownArc:
@@ -336,6 +341,23 @@ class Solution:
     def delta_v_m_s(self) -> float:
         """Return the ideal velocity of all burns, m/s; nan without a flight."""
         return sum(arc.delta_v_m_s for arc in self.arcs) if self.arcs else math.nan
+
+    def thrust_directions(self) -> Array:
+        """Return the thrust direction of each sample, shape (n, 3); nan in a coast.
+
+        Raises:
+            ValueError: the solution has no trajectory.
+        """
+        track = self.trajectory
+        if track is None:
+            raise ValueError(f"{self.method} has no trajectory: {self.reason}")
+        directions = track.direction.copy()
+        for arc in self.arcs:
+            if arc.coasts:
+                first = np.searchsorted(track.time_s, arc.start_s, side="right") - 1
+                last = np.searchsorted(track.time_s, arc.end_s, side="left")
+                directions[max(first, 0) : last + 1] = math.nan
+        return directions
 
     def to_json(self, arc_names: Sequence[str] = ()) -> dict[str, Any]:
         """Return the published summary for ``json.dumps``; unknown values are None.

@@ -26,16 +26,18 @@ from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.kernels.targets import named_plane
 from ares_models.mission import MissionError, load_mission, parse_mission
+from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.ascents import trials_by_parking, try_free_node
 from ares_optimizer.collocation.bucket import bucket_of
 from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
 from ares_optimizer.collocation.pilot import Pilot, plane_from_ground
-from ares_optimizer.collocation.points import FoundOptimum, times_of
+from ares_optimizer.collocation.points import FoundOptimum, jettison_times_of, times_of
 from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.rollout import ALTITUDE
 from ares_optimizer.collocation.search import LocalOptimum, Search
 from ares_optimizer.collocation.solver import StoppingPoint
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes
+from ares_optimizer.collocation.variables import variables_of_trial
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.proof.physics import air_force, gravity, surface_radius
@@ -962,6 +964,23 @@ def test_what_solids_give_too_much_is_wasted_without_jumps():
     assert heating.active
 
 
+def test_a_plan_that_wastes_steers_as_its_flight_does():
+    """The primer steers nothing where no propellant can be saved; it pointed anywhere."""
+    _, solution = planned_minotaur()
+    track = offline_trajectory(solution)
+    for arc in solution.arcs:
+        middle = 0.5 * (arc.start_s + arc.end_s)
+        flown = track.sample_direction[np.argmin(np.abs(track.sample_time - middle))]
+        if arc.coasts:
+            assert np.isnan(flown).all() or arc.end_s - arc.start_s < 1.0
+        elif arc.end_s - arc.start_s > 5.0 and arc.start_s > 10.0:
+            told = np.add(
+                arc.direction, (middle - arc.reference_time_s) * np.array(arc.direction_rate)
+            )
+            cosine = float(told @ flown) / float(np.linalg.norm(told))
+            assert cosine > math.cos(math.radians(5.0)), arc
+
+
 def test_what_has_vanished_at_the_ends_of_a_burn_has_no_say():
     """A drop 4 us after an ignition left a direction of its own: 2.5 m/s in the next second."""
     _, solution = planned_minotaur()
@@ -1140,6 +1159,41 @@ def test_a_drop_at_an_ignition_is_tried_in_the_burn_before_if_that_is_of_its_sta
     found = list(moved_events(FoundOptimum(program, point, 1.0)))
     at = [float(times.drops[0]) - ignition for times in found if times.drops[0] < ignition]
     assert at == pytest.approx(list(moved), abs=0.01)
+
+
+@pytest.mark.parametrize(("drop_s", "moved"), [(145.0, (146.0, 145.1)), (155.0, (149.0, 149.9))])
+def test_a_drop_at_a_knot_of_the_thrust_is_tried_beyond_it(drop_s, moved):
+    """Let the drop come to the knot at 150 s of a burn; there a Vega stopped 5 kg short."""
+    table = "thrust_table: [[0.0, 80000.0], [150.0, 100000.0], [260.0, 90000.0]], isp_s: 345.0"
+    text = THREE_STAGES.format(thrust=800000.0).replace(
+        "thrust_n: 90000.0, isp_s: 345.0, burn_time_s: 300.0", table
+    )
+    text = text.replace("time_after_ignition_s: 40.0", "heating_limit_w_m2: 1135.0")
+    mission = parse_mission(text, "knots.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    ignition = 152.9 + 4.0
+    times = FreeTimes(np.zeros(0), ignition + 260.0 + 205.0, np.array([ignition + drop_s]))
+    program = CollocationProgram(arrays, start, times)
+    x = variables_of_trial(program)
+    between = np.abs(program.segments["end"] - program.segments["start"] - 5.0) < 1e-6
+    burning = program.segments["arc"] == program.segments["arc"][program.drop_ends[0]]
+    x[program.lengths[between & burning]] = 0.0
+    point = StoppingPoint(x, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
+    found = moved_events(FoundOptimum(program, point, 1.0))
+    assert [float(each.drops[0]) - ignition for each in found] == pytest.approx(moved, abs=0.01)
+
+
+def test_a_drop_some_time_after_an_ignition_moves_with_it():
+    """The proof of a Shavit dropped the fairing where the first guess had its ignition."""
+    text = SMALL.format(thrust=800000.0).replace("coast_s: 4.0", "coast_s: free, max_s: 60.0")
+    mission = parse_mission(text, "coasts.yaml")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    program = CollocationProgram(arrays, start, FreeTimes(np.array([20.0]), 500.0, np.zeros(0)))
+    x = variables_of_trial(program)
+    (coast,) = np.flatnonzero(program.steering == COASTING)
+    x[program.lengths[coast]] += 10.0 / program.time
+    drops = jettison_times_of(program, x, times_of(program, x))
+    assert drops == pytest.approx([152.9 + 30.0 + 40.0])
 
 
 @pytest.mark.trial

@@ -85,7 +85,7 @@ def _terms(
         point: solution of the program.
         sample: state, m and m/s, its costate, and the thrust direction of the solution. The thrust
             of a guided phase is along the primer, where the angle of attack changes nothing else,
-            or where there is next to no force.
+            or where there is next to no force; not if a cost of waste settles it.
     """
     phase = program.phases[p]
     state, costate, u = sample
@@ -117,7 +117,8 @@ def _terms(
     angled = phase["in_air"] and (has_attitude(arc) or math.isfinite(arc["max_q_alpha"]))
     pushed = thrust + float(np.linalg.norm(force)) > _LITTLE * float(arc["thrust"])
     size = float(np.linalg.norm(primer))
-    if phase["steering"] == GUIDED and size > 0.0 and not (angled and pushed):
+    primed = phase["steering"] == GUIDED and size > 0.0 and program.added_cost.nnz == 0
+    if primed and not (angled and pushed):
         u = primer / size
         force = force_of_air(u)
     force = force + thrust * u if phase["steering"] != COASTING else force
