@@ -16,6 +16,7 @@ from ares_vehicle_sim.simulator import CommandRefused, Simulator
 
 LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
 MISSIONS = Path(__file__).parents[1] / "src/ares_optimizer/test/missions"
+FROM_PADS = Path(__file__).parents[1] / "src/ares_studies/test/missions"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -43,6 +44,12 @@ def test_a_mission_that_needs_no_plan_is_not_flown_ahead():
 
 def test_a_law_that_arrives_with_what_is_planned_is_no_matter():
     assert rehearse(parameters("atlas401_gto", "peg")) == ""
+
+
+def test_a_law_that_cannot_fly_a_mission_is_told_before_a_plan_is_searched(monkeypatch):
+    monkeypatch.setattr("ares_studies.closed_loop.plan_solution", None)
+    with pytest.raises(CannotStart, match=r"law is 'igm'; expected peg, .* as arc \d+ \("):
+        rehearse({"mission": str(FROM_PADS / "black_arrow_pad.yaml"), "law": "igm"})
 
 
 def test_a_loss_is_told_before_anything_starts(monkeypatch):

@@ -148,9 +148,9 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     """Solve for the plan.
 
     Raises:
-        ValueError: there is none; one line.
+        ValueError: there is none, or the law cannot fly such a mission; one line.
     """
-    from ares_guidance.laws import find_law
+    from ares_guidance.laws import find_law, make_law
     from ares_guidance.settings import LawSettings
     from ares_studies.closed_loop import plan_solution
     from ares_vehicle_sim.simulator import SimulatorOptions
@@ -162,12 +162,15 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
+    settings = LawSettings(**known[LawSettings])
+    # what it cannot fly is told before the search for a plan
+    make_law(law, mission.arrays(foreseen=True), settings)
     plan = plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s"))
     return _Rehearsal(
         mission,
         plan,
         SimulatorOptions(**known[SimulatorOptions]),
-        LawSettings(**known[LawSettings]),
+        settings,
         0.0 if mission.needs_plan else plan.m_f_kg * (1.0 - TOLERATED),
     )
 

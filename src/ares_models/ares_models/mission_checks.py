@@ -107,7 +107,10 @@ def _check_free_arcs(mission: "Mission") -> None:
     if steered and not any(burn.free for stage in mission.stages for burn in stage.burns):
         if last.thrust_table is None:
             fail((*path, "burn_time_s"), last.burn_time_s, f"free, for at least one burn{_INSTEAD}")
-        instead = f"thrust_n and burn_time_s: free in its place, for at least one burn{_INSTEAD}"
+        instead = (
+            "a burn with thrust_n and burn_time_s: free after it, which may be small, or in its "
+            f"place{_INSTEAD}"
+        )
         fail((*path, "thrust_table"), last.thrust_table, instead)
 
 
