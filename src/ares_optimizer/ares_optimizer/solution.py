@@ -83,6 +83,8 @@ class Check(StrEnum):
     HEATING_FROM_JETTISON = "heating_from_jettison"
     LOWEST_ALTITUDE = "lowest_altitude"
     PROPELLANT = "propellant"
+    #: of the stage whose propellant is saved, if that is not the last
+    SAVED_PROPELLANT = "saved_propellant"
     #: one per stage that limits it
     DYNAMIC_PRESSURE = "dynamic_pressure"
     Q_ALPHA = "q_alpha"

@@ -488,6 +488,14 @@ def test_collocation_saves_what_the_last_stage_with_a_free_burn_takes(solved):
     found = solve(mission(KICK), "collocation")
     assert found.converged, found.reason
     assert found.lengths_s == pytest.approx(solved[KICK].lengths_s, abs=0.05)
+    saved = next(c for c in found.constraints if c.key is Check.SAVED_PROPELLANT)
+    stages = mission(KICK).arrays().arcs["stage"]
+    times = [(f.start_s, f.end_s) for f in found.flown if stages[f.arc] == stages[-1] - 1]
+    begin, end = times[0][0], times[-1][1]
+    own = [arc for arc in found.arcs if begin <= 0.5 * (arc.start_s + arc.end_s) <= end]
+    burnt = sum(arc.start_mass_kg - arc.end_mass_kg for arc in own)
+    assert saved.value == pytest.approx(burnt, abs=0.1)
+    assert not saved.active
 
 
 def test_a_flight_in_which_no_burn_is_free_is_no_optimum():

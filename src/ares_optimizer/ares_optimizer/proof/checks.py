@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import (
+    BURN,
     HEATING_LIMIT,
     MissionArrays,
     Record,
@@ -98,9 +99,33 @@ def constraint_table(
             "kg",
             PROPELLANT_KG,
         ),
+        *_saved_propellant_checks(arrays, start, flight),
         *_pressure_checks(arrays, flight),
         *last_burn_checks(arrays, start, flight.plan.arcs[-1]),
     )
+
+
+def _saved_propellant_checks(
+    arrays: MissionArrays, start: Record, flight: ProofFlight
+) -> tuple[ConstraintCheck, ...]:
+    """Check the propellant of the stage that saves it, if a stage of fixed burns follows."""
+    arcs, track = arrays.arcs, flight.trajectory
+    ahead = arcs[int(start["arc"]) :]
+    # as planned, free burns have their lengths
+    free = (ahead["kind"] == BURN) & (ahead["shortest"] < ahead["longest"])
+    stage = int(ahead["stage"][free].max(initial=-1))
+    if stage in (-1, arcs[-1]["stage"]):
+        return ()
+    burnt = 0.0
+    for k, begin, end in flight.plan.arcs:
+        if arcs[k]["stage"] == stage and arcs[k]["kind"] == BURN:
+            rows = (track.time_s >= begin) & (track.time_s <= end)
+            # drops take no time
+            passing = np.diff(track.time_s[rows]) > 0.0
+            burnt -= float(np.diff(track.mass[rows])[passing].sum())
+    usable = float(arcs["propellant"][arcs["stage"] == stage][-1])
+    name = f"propellant of stage {stage}"
+    return (_at_most(Check.SAVED_PROPELLANT, name, burnt, usable, "kg", PROPELLANT_KG),)
 
 
 def bounds_last_burn(arrays: MissionArrays) -> bool:
