@@ -23,7 +23,7 @@ from ares_optimizer.collocation.ascents import first_guesses
 from ares_optimizer.collocation.carry import carried_along_coasts, carried_point
 from ares_optimizer.collocation.guess import trials
 from ares_optimizer.collocation.intervals import COAST_TURN, Sweep, place_intervals
-from ares_optimizer.collocation.pilot import CONSTANTS, Pilot, TrialFlight
+from ares_optimizer.collocation.pilot import CONSTANTS, Pilot, TrialFlight, floors_on
 from ares_optimizer.collocation.points import (
     FoundOptimum,
     has_long_intervals,
@@ -33,7 +33,7 @@ from ares_optimizer.collocation.points import (
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.reorder import moved_events
 from ares_optimizer.collocation.report import verdict_of
-from ares_optimizer.collocation.search import LocalOptimum, Search, again_found, floors_on
+from ares_optimizer.collocation.search import LocalOptimum, Search, again_found
 from ares_optimizer.collocation.solver import StoppingPoint, solve_program
 from ares_optimizer.collocation.steps import LengthSteps
 from ares_optimizer.collocation.transcription import CollocationProgram, FreeTimes

@@ -491,3 +491,21 @@ def names_plane(arrays: MissionArrays) -> bool:
     """Return true if the target names its plane."""
     plane = NAMES_INCLINATION | NAMES_ASCENDING_NODE
     return int(judged_by(arrays.target[0])) & plane == plane
+
+
+def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> tuple[Floor, ...]:
+    """Return the active floors: in the ascent a coast may be below the default floor.
+
+    Args:
+        floors: of the mission.
+        start_m: altitude at the start.
+        trial: a flight.
+    """
+    kept = []
+    for floor in floors:
+        arcs, heights = trial.track[:, rollout.ARC], trial.track[:, rollout.ALTITUDE]
+        before = heights[arcs < floor.arc]
+        highest = max(start_m, float(before.max(initial=-math.inf)))
+        if floor.said or highest >= floor.altitude_m:
+            kept.append(floor)
+    return tuple(kept)

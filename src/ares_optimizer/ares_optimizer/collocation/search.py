@@ -15,12 +15,19 @@ from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.carry import carried_point, carried_variables
 from ares_optimizer.collocation.intervals import Sweep, sweep_of
-from ares_optimizer.collocation.pilot import Pilot, TrialFlight, are_alike, names_plane
+from ares_optimizer.collocation.pilot import (
+    Pilot,
+    TrialFlight,
+    are_alike,
+    floors_on,
+    names_plane,
+)
 from ares_optimizer.collocation.points import (
     Array,
     FoundOptimum,
     acting_limits,
     has_long_intervals,
+    is_idle,
     lowest_in,
     mass_of,
     penalize_waste,
@@ -153,6 +160,7 @@ class Search:
         self.sunk_kg = -math.inf
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
+        self._idle_step = False
         self._nearest: TrialFlight | None = None
         #: Number of iterations at which a start is given up.
         self._most_iterations: float = math.inf
@@ -354,10 +362,10 @@ class Search:
         return point
 
     def _wastes(self, program: CollocationProgram, trial: TrialFlight) -> bool:
-        """Return true if a flight in the air has energy to spare."""
+        """Return true if a flight in the air has energy to spare, or has had it in a step."""
         if not program.phases["in_air"].any():
             return False
-        return Pilot(self.arrays, self.start, ()).has_needless_burn(trial.times)
+        return self._idle_step or Pilot(self.arrays, self.start, ()).has_needless_burn(trial.times)
 
     def _first_without_waste(
         self, program: CollocationProgram, trial: TrialFlight
@@ -383,7 +391,8 @@ class Search:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
         Steps that are given up keep the last one, unsettled: in a start if the next would gain next
-        to nothing, or if its flight is better than all known ones.
+        to nothing, or if its flight is better than all known ones. They are given up at the first
+        that fails where no propellant can be saved: there a cost of waste leads on.
 
         Args:
             program: the program.
@@ -400,7 +409,9 @@ class Search:
                 point = self._solved_program(program, first, mu)
             if steps.arrived(point, begin):
                 return point
-            if steps.gave_up or self.iterations >= last:
+            known = None if point.solved else steps.known
+            self._idle_step = known is not None and is_idle(FoundOptimum(program, known, 0.0))
+            if steps.gave_up or self.iterations >= last or self._idle_step:
                 known, in_start = steps.known, math.isfinite(self._most_iterations)
                 best_kg = self.best.m_f_kg if self.best is not None else math.inf
                 fit = not in_start or steps.gain < _FLAT
@@ -523,24 +534,6 @@ class Search:
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
-
-
-def floors_on(floors: tuple[Floor, ...], start_m: float, trial: TrialFlight) -> tuple[Floor, ...]:
-    """Return the active floors: in the ascent a coast may be below the default floor.
-
-    Args:
-        floors: of the mission.
-        start_m: altitude at the start.
-        trial: a flight.
-    """
-    kept = []
-    for floor in floors:
-        arcs, heights = trial.track[:, rollout.ARC], trial.track[:, rollout.ALTITUDE]
-        before = heights[arcs < floor.arc]
-        highest = max(start_m, float(before.max(initial=-math.inf)))
-        if floor.said or highest >= floor.altitude_m:
-            kept.append(floor)
-    return tuple(kept)
 
 
 def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
