@@ -11,7 +11,6 @@ import time
 
 import pyarrow.parquet as pq
 import pytest
-from distributed import LocalCluster
 
 from ares_models.mission import TEMPLATE
 from ares_trials.testing.samples import one_in
@@ -122,6 +121,8 @@ def test_flights_one_by_one(ares, tmp_path, monkeypatch):
 
 @pytest.mark.trial
 def test_a_dask_cluster_of_two_workers(ares, tmp_path):
+    from distributed import LocalCluster
+
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         argv = ("-n", "60", "--json", "--out", str(tmp_path / "there"))
         there = run(*argv, "--scheduler", cluster.scheduler_address)

@@ -21,8 +21,8 @@ from ares_guidance.laws import find_law, make_law
 from ares_guidance.settings import LawSettings
 from ares_models.kernels.targets import desired_state, plane_normal
 from ares_models.kernels.vectors import cross, load
-from ares_models.mission import list_missions, load_mission
-from ares_trials.testing.laws import first_navigation, step_anew
+from ares_models.mission import load_mission
+from ares_trials.testing.laws import SELF_STARTING, first_navigation, step_anew
 
 
 def igm(mission, **settings):
@@ -116,9 +116,7 @@ def test_it_has_the_code_of_the_status_message():
     assert find_law("igm").code == LAW_IGM == 3
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in list_missions() if not load_mission(name).needs_plan]
-)
+@pytest.mark.parametrize("name", SELF_STARTING)
 def test_starts_by_itself_within_thirty_iterations(name):
     mission = load_mission(name)
     law = igm(mission)

@@ -18,7 +18,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from scipy import stats
 
 from ares_models.mission import MISSION, Mission, load_mission, parse_mission
 from ares_models.mission_target import target_record
@@ -423,6 +422,8 @@ def test_a_chunk_names_what_it_needs_by_pickle(standard, hundred):
 
 
 def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
+    from scipy.stats import binomtest
+
     plan = CampaignPlan(standard, 2000, success_width=0.08)
     counts = set()
     for name, engine in (("here", fly_here), ("cores", partial(fly_on_cores, count=3))):
@@ -432,7 +433,7 @@ def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
         assert table["flight"].to_pylist() == list(range(count))
     assert len(counts) == 1
     count = counts.pop()
-    low, high = stats.binomtest(count, count).proportion_ci(0.95, "exact")
+    low, high = binomtest(count, count).proportion_ci(0.95, "exact")
     assert high - low <= 0.08
     assert count < 200
     # and again: nothing more is flown
@@ -466,12 +467,14 @@ def test_tally_of_a_campaign_in_pieces(hundred):
 
 
 def test_intervals_are_those_of_the_textbook(hundred):
+    from scipy.stats import norm
+
     tally = Tally()
     tally.add(hundred)
     assert tally.proportion("succeeded") == pytest.approx((0.025 ** (1 / 100), 1.0))
     mass = hundred["m_f_kg"].to_numpy()
     (low, high), (low_std, high_std) = tally.mass_intervals()
-    expected = stats.norm.interval(0.95, mass.mean(), mass.std(ddof=1) / 10.0)
+    expected = norm.interval(0.95, mass.mean(), mass.std(ddof=1) / 10.0)
     assert (low, high) == pytest.approx(expected, abs=0.1 * (high - low))
     assert low_std < mass.std(ddof=1) < high_std
 
@@ -500,13 +503,15 @@ def test_blocks_resample_as_well_as_flights():
 
 
 def test_the_reserve_is_enough_as_often_as_it_says():
+    from scipy.stats import binom
+
     assert flights_needed() == 767
     assert bound_rank(766) == 0
     assert bound_rank(767) == 1
     n = 3000
     rank = bound_rank(n)
     # the chance that the bound lies beyond the 99.7 % quantile, and just so
-    assert stats.binom.sf(rank - 1, n, 0.003) >= 0.90 > stats.binom.sf(rank, n, 0.003)
+    assert binom.sf(rank - 1, n, 0.003) >= 0.90 > binom.sf(rank, n, 0.003)
 
 
 def mass_of(rows):

@@ -6,7 +6,6 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from scipy.stats import kstest, qmc
 
 from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.kernels.environment import wind_component
@@ -133,6 +132,8 @@ def test_seeds_and_columns_are_independent(ares_v):
 
 
 def test_values_have_their_distributions(ares_v):
+    from scipy.stats import kstest
+
     sampler = Sampler(ares_v, Dispersions(**EVERYTHING), 0)
     inputs = dict(zip(sampler.columns, sampler.draw(0, 5000).inputs.T, strict=True))
     assert kstest(inputs["initial_position_m.y"] / 1000.0, "norm").pvalue > 1e-3
@@ -142,6 +143,8 @@ def test_values_have_their_distributions(ares_v):
 
 
 def test_sobol_points_are_more_even(ares_v):
+    from scipy.stats import qmc
+
     given = {"thrust": {"low": 0.0, "high": 1.0}, "log_density": {"low": 0.0, "high": 1.0}}
     for seed in range(3):
         even = draw(ares_v, 512, seed=seed, **given, draws="sobol").inputs
@@ -377,6 +380,8 @@ def test_noise_is_that_of_numpy():
 
 
 def test_noise_is_normal_and_new_at_every_state():
+    from scipy.stats import kstest
+
     errors = np.zeros(1, NAVIGATION_ERRORS)
     drawn = []
     for flight in range(2):

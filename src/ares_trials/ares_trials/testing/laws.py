@@ -8,6 +8,11 @@ from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import load
 from ares_models.mission import Mission
 
+#: Shipped missions that a law flies without a plan.
+SELF_STARTING = (
+    *("apollo11_ascent", "ares_v", "ares_v_transients", "delta_iii", "saturn_v_as506"),
+    "space_shuttle_sts121",
+)
 #: Titan II in vacuum, after MechJeb2's tests; format with ``burn`` and ``coast``. The Earth is
 #: smaller than real, because the optimum dips below the real ground.
 RESTART = """
