@@ -5,6 +5,7 @@ The models define the values to try, so a new key needs no change here.
 """
 
 import copy
+import hashlib
 import json
 import math
 import re
@@ -67,7 +68,7 @@ class Input:
         base: name of the file from which it is derived.
         path: keys of the changed value.
         value: the new value.
-        data: the file.
+        whole: that file.
         fit: False: no file with this value is valid; True: the schema names the value, so that it
             can only be invalid in combination; None: unknown.
     """
@@ -75,8 +76,13 @@ class Input:
     base: str
     path: Path
     value: Any = field(repr=False)
-    data: dict[str, Any] = field(repr=False)
+    whole: Mapping[str, Any] = field(repr=False)
     fit: bool | None
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """Return the file; made anew each time, since there are very many."""
+        return _put(self.whole, self.path, self.value)
 
     def __str__(self) -> str:
         place = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in self.path)
@@ -108,17 +114,18 @@ def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> It
     for name, base in bases.items():
         around: dict[Path, tuple[str, ...]] = {}
         for path, value, fit in _mapping(model, dict(base), ()):
-            data = _put(base, path, value)
             if value is _DELETED:
-                text = json.dumps(data)
+                text = json.dumps(_put(base, path, value))
             else:
                 # what stands beside the value is the same for each
                 if path not in around:
                     around[path] = tuple(json.dumps(_put(base, path, _PLACE)).split(_PLACE_TEXT))
                 text = json.dumps(value).join(around[path])
-            if text not in seen:
-                seen.add(text)
-                yield Input(name, path, value, data, fit)
+            # the texts of all files are a GB
+            mark = hashlib.blake2b(text.encode(), digest_size=16).digest()
+            if mark not in seen:
+                seen.add(mark)
+                yield Input(name, path, value, base, fit)
 
 
 def used_keys(model: type[BaseModel], data: Mapping[str, Any]) -> set[tuple[str, str]]:
