@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/your_law.md, followed literally, except for the place of installation."""
 
+import fcntl
 import importlib
 import json
 import os
@@ -25,14 +26,22 @@ PAGE = Path(__file__).parent.parent / "docs" / "your_law.md"
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """Return the environment of a user who has installed the page's package."""
-    folder = tmp_path_factory.mktemp("linear_tangent")
+def installed(pytestconfig):
+    """Return the environment of a user who has installed the page's package.
+
+    The place is that of the run before: it takes half a minute to compile the law, which is kept
+    like all other kernels while no source changes.
+    """
+    folder = pytestconfig.cache.mkdir("linear_tangent")
     law, setup = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    (folder / "linear_tangent.py").write_text(law)
-    (folder / "setup.py").write_text(setup)
-    setup = [sys.executable, "setup.py", "--quiet", "egg_info"]
-    subprocess.run(setup, cwd=folder, check=True, capture_output=True)
+    with (folder.parent / "linear_tangent.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for name, text in {"linear_tangent.py": law, "setup.py": setup}.items():
+            # by the time of its file numba knows whether the law is the same
+            if not (folder / name).exists() or (folder / name).read_text() != text:
+                (folder / name).write_text(text)
+        setup = [sys.executable, "setup.py", "--quiet", "egg_info"]
+        subprocess.run(setup, cwd=folder, check=True, capture_output=True)
     path = os.pathsep.join([str(folder), os.environ["PYTHONPATH"]])
     return {**os.environ, "PYTHONPATH": path}
 
