@@ -20,7 +20,7 @@ from ares_models.mission import MISSION, TEMPLATE, load_mission
 from ares_optimizer.payload import PropellantMargin
 from ares_optimizer.solution import Cause, Check, ConstraintCheck, Status, failed
 from ares_optimizer.solve import solve
-from ares_optimizer.window import Launch, Window
+from ares_optimizer.window import Launch, Window, launched_later
 from ares_studies.pages.parts import BLANK, MINUS
 
 #: The second of its three stages burns in held attitude.
@@ -221,10 +221,23 @@ def test_no_dynamic_pressure_is_told_of_a_flight_above_the_air(capsys):
     assert "dynamic pressure" not in capsys.readouterr().out
 
 
+def made_up_window(mission):
+    """Return three launches with one flight, that of another mission."""
+    solution = solve(load_mission("ares_v"), "indirect")
+    costs = (3.0, 0.0, 2.0)
+    before, best, after = (
+        Launch(late, launched_later(mission, late), replace(solution, m_f_kg=9000.0 - cost))
+        for late, cost in zip((-50.0, 10.0, 70.0), costs, strict=True)
+    )
+    return Window(best, (before, best, after))
+
+
 @pytest.mark.long
-def test_launch_window_is_a_table_or_one_object(capsys, monkeypatch):
+@pytest.mark.parametrize("made_up", [True, pytest.param(False, marks=pytest.mark.trial)])
+def test_launch_window_is_a_table_or_one_object(capsys, monkeypatch, made_up):
     words = ("optimize", "--mission", "delta_iii_pad", "--window", "1")
-    found = launch_window.launch_window(load_mission("delta_iii_pad"), 1)
+    mission = load_mission("delta_iii_pad")
+    found = made_up_window(mission) if made_up else launch_window.launch_window(mission, 1)
     monkeypatch.setattr(launch_window, "launch_window", lambda *_: found)
     assert main([*words]) == 0
     text = capsys.readouterr().out

@@ -495,7 +495,7 @@ def test_two_flights_on_one_graph_fly_as_if_alone(graph):
 
 
 def test_a_second_guidance_is_told_and_has_no_effect(graph):
-    simulator = graph.start(VehicleSimNode)
+    simulator = graph.start(VehicleSimNode, navigation_period_s=0.5)
     graph.start(GuidanceNode)
     graph.spin(lambda: answers(graph) > 20)
     second = graph.start(GuidanceNode, law="igm")

@@ -54,7 +54,7 @@ def fly_many(folder: Path, count: int, in_process: bool) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("count", "in_process"), [(9, True), (3, False)])
+@pytest.mark.parametrize(("count", "in_process"), [(9, True), (2, False)])
 def test_what_is_held_stays_as_it_is(tmp_path: Path, count: int, in_process: bool) -> None:
     words = [str(tmp_path), str(count), "yes" if in_process else ""]
     done = subprocess.run(

@@ -378,6 +378,19 @@ def address_in(file):
         return ""
 
 
+def test_a_cluster_flies_the_same(standard, hundred, tmp_path):
+    from distributed import LocalCluster
+
+    # its workers are threads: `make trials` has processes
+    given = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    place = {"protocol": "tcp", "host": "127.0.0.1"}
+    with LocalCluster(processes=False, **given, **place) as threads:
+        engine = partial(fly_on_cluster, address=threads.scheduler_address)
+        _, table = fly(CampaignPlan(standard, 100), tmp_path / "both", engine)
+    assert table.equals(hundred)
+
+
+@pytest.mark.trial
 def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
     standard, hundred, tmp_path, cluster
 ):

@@ -8,11 +8,12 @@ import pytest
 import yaml
 
 from ares_guidance.laws import check_law
+from ares_guidance.plan import plan_of
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, TEMPLATE, load_mission, parse_mission
 from ares_optimizer.solution import Check, Status
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import fly_compiled, ready_law
+from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
 from ares_vehicle_sim.dispersions import Dispersions
 
 TEXT = MISSION.find("ares_v").read_text()
@@ -118,6 +119,7 @@ def test_a_launcher_is_throttled_through_the_high_pressure():
     assert solution.status is Status.CONVERGED
     pressure = next(c for c in solution.constraints if c.key is Check.DYNAMIC_PRESSURE)
     assert pressure.value < 1.001 * 30000.0
-    flight = fly_compiled(mission, law=ready_law(mission, "peg"))
+    plan = plan_of(offline_trajectory(solution), mission.arrays(foreseen=True))
+    flight = fly_compiled(mission, law=ready_law(mission, "peg", plan=plan))
     assert flight.plant["inserted"] == 1
     assert flight.plant["mass"] == pytest.approx(solution.m_f_kg, rel=5e-3)
