@@ -355,7 +355,7 @@ def page_of_map(once) -> Path:
     """Make an abort map."""
 
     def make(folder: Path) -> None:
-        words = ("--mission", "ares_v", "--step-s", "80", "--out", str(folder / "map.html"))
+        words = ("--mission", "ares_v", "--step-s", "160", "--out", str(folder / "map.html"))
         assert main(("aborts", *words)) == 0
 
     return once("aborts", make) / "map.html"

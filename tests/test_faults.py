@@ -33,12 +33,13 @@ CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=17411
 @pytest.mark.parametrize(
     "name",
     [
-        "guidance killed",
         "commands delayed, to 10 %, to 1 s",
         "signal to fly",
         *(
             pytest.param(name, marks=pytest.mark.trial)
             for name in (
+                # so does the test of the verdicts
+                "guidance killed",
                 "forged, no key: the flight is complete",
                 "simulator restarted",
                 "guidance stopped",
