@@ -32,7 +32,6 @@ from ares_studies.flight_page.land import coasts, read_land
 from ares_studies.flight_page.page import Account, make_report, render
 from ares_studies.pages.parts import Guide, line
 from ares_studies.pages.templates import PALETTES
-from ares_studies.plots import draw_flight
 
 MISSION = load_mission("ares_v")
 ENVIRONMENT = MISSION.environment_array()[0]
@@ -510,6 +509,8 @@ def test_several_flights_share_limits_without_what_each_spares():
 
 def panels(flight, marks=()):
     """Plot a flight; return its panels by their titles."""
+    from ares_studies.plots import draw_flight
+
     truth = columns() | in_air() if flight.air else columns()
     figure = draw_flight("a flight", truth, status(), flight=flight, air_marks=marks)
     return {panel.get_title(loc="left"): panel for panel in figure.axes}

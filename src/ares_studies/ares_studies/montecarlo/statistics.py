@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from scipy import stats
 
 from ares_studies.montecarlo.footprints import Footprint, Footprints
 from ares_studies.montecarlo.store import GROUP
@@ -85,7 +84,9 @@ class Tally:
 
     def proportion(self, name: str) -> Interval:
         """Compute the exact (Clopper-Pearson) interval of the fraction of flights with a flag."""
-        interval = stats.binomtest(self.counts[name], self.n).proportion_ci(CONFIDENCE, "exact")
+        from scipy.stats import binomtest  # slow to import, as all of scipy.stats
+
+        interval = binomtest(self.counts[name], self.n).proportion_ci(CONFIDENCE, "exact")
         return float(interval.low), float(interval.high)
 
     def mass(self) -> Interval:
@@ -100,6 +101,8 @@ class Tally:
 
         Blocks of flights are resampled instead of flights: equally accurate, and of fixed size.
         """
+        from scipy.stats import bootstrap
+
         blocks = self._blocks[:, self._blocks[0] > 0.0]
         if self._origin is None or blocks.shape[1] < 2:
             return (np.nan, np.nan), (np.nan, np.nan)
@@ -107,7 +110,7 @@ class Tally:
         def statistic(count: Array, total: Array, squares: Array, axis: int = -1) -> Array:
             return _moments(count.sum(axis), total.sum(axis), squares.sum(axis))
 
-        found = stats.bootstrap(
+        found = bootstrap(
             tuple(blocks),
             statistic,
             n_resamples=RESAMPLES,
@@ -158,7 +161,9 @@ def bound_rank(n: int) -> int:
     Distribution-free (order statistics): the k-th largest is beyond the quantile if at least
     k of n flights are, a binomial number.
     """
-    return int(stats.binom.ppf(1.0 - RESERVE_CONFIDENCE, n, 1.0 - RESERVE_SHARE))
+    from scipy.stats import binom
+
+    return int(binom.ppf(1.0 - RESERVE_CONFIDENCE, n, 1.0 - RESERVE_SHARE))
 
 
 def flights_needed() -> int:
@@ -471,6 +476,8 @@ def _counted(before: Histogram, values: Array, good: NDArray[np.bool_]) -> Histo
 
 def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
     """Compute the influence of every draw on a result, strongest first; empty if it is constant."""
+    from scipy.stats import spearmanr
+
     result = sample[name]
     known = np.isfinite(result)
     found = []
@@ -481,7 +488,7 @@ def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
             continue
         if np.ptp(drawn[known]) == 0.0 or np.ptp(result[known]) == 0.0:
             continue
-        spearman = stats.spearmanr(drawn[known], result[known])
+        spearman = spearmanr(drawn[known], result[known])
         draw = column.removeprefix(DRAWN)
         found.append(Influence(draw, float(spearman.statistic), float(spearman.pvalue)))
     return sorted(found, key=lambda influence: -abs(influence.correlation))
