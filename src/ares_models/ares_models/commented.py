@@ -15,6 +15,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ares_models.input_file import KeyPath, unit_of
+from ares_models.input_model import models_in
 
 _PLAIN_TEXT = re.compile(r"[A-Za-z][\w ,.;()/'-]*")
 _WORDS = {"null", "true", "false"}
@@ -37,13 +38,6 @@ def commented(
     """
     writer = _Writer(reasons or {}, set(_used(model, data)))
     return "\n".join(writer.mapping(model, data, ())) + "\n"
-
-
-def models_in(annotation: Any) -> list[type[BaseModel]]:
-    """List the models in a type annotation, in order."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in get_args(annotation) for model in models_in(inner)]
 
 
 def allowed(annotation: Any, key: str) -> str:

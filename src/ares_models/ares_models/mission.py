@@ -14,33 +14,18 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
 
-from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
-from ares_models.atmosphere import (
-    FIXED_MODELS,
-    Atmosphere,
-    AtmosphereError,
-    exponential,
-    nrlmsis,
-)
+from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, exponential, nrlmsis
 from ares_models.earth import Earth
-from ares_models.input_file import (
-    InputError,
-    InputKind,
-    KeyPath,
-    by_cause,
-    explain,
-    parse_input,
-    read_text,
-)
+from ares_models.input_file import InputError, InputKind, read_text
+from ares_models.input_model import parse_model
 from ares_models.kernels.sequence import SAME_TIME
-from ares_models.mission_arcs import BurnArc, CoastArc, EngineOut, shortest
+from ares_models.mission_arcs import BurnArc, CoastArc, shortest
 from ares_models.mission_arrays import arc_array, environment_array, jettison_array
-from ares_models.mission_boosters import Booster
 from ares_models.mission_checks import MAX_STAGES, check_mission
-from ares_models.mission_keys import Load, Moment, Part, Text, not_there
+from ares_models.mission_keys import Load, Moment, Part, Text, added_later, optional
 from ares_models.mission_masses import PROPELLANT_ROUNDING, ignition_mass
 from ares_models.mission_parts import (
     AbortPart,
@@ -48,16 +33,13 @@ from ares_models.mission_parts import (
     EnvironmentPart,
     HeatingLimitHolds,
     Jettison,
+    PlacedArc,
     Stage,
 )
 from ares_models.mission_pieces import DroppedPiece, dropped_pieces
-from ares_models.mission_programme import (
-    ProgrammePart,
-    UntilPart,
-    WhenPart,
-)
+from ares_models.mission_programme import ProgrammePart
 from ares_models.mission_release import HoldDown, release
-from ares_models.mission_start import EXPECTED_START, InitialState, Rail
+from ares_models.mission_start import EXPECTED_START, InitialState
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_target import (
     EXPECTED_TARGET,
@@ -134,43 +116,26 @@ class Mission(Part):
     )
     title: Text = Field(description="what it is")
     source: Text = Field(description="where the numbers come from")
-    payload_kg: Load | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="what is carried, where masses are by item",
-    )
-    adapter_kg: Load | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="what it stands on, which stays with the last stage",
-    )
-    epoch: Moment | None = Field(
-        default=None,
-        description="date and time of mission time 0, ISO 8601; UTC if no zone is given",
+    payload_kg: Load | None = added_later("what is carried, where masses are by item")
+    adapter_kg: Load | None = added_later("what it stands on, which stays with the last stage")
+    epoch: Moment | None = optional(
+        "date and time of mission time 0, ISO 8601; UTC if no zone is given"
     )
     environment: EnvironmentPart = Field(description="body, gravity, atmosphere")
     initial_state: InitialState = Field(description="where the flight begins, in one of six forms")
-    aerodynamics: AerodynamicsPart | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="forces of the air on all stages without their own",
+    aerodynamics: AerodynamicsPart | None = added_later(
+        "forces of the air on all stages without their own"
     )
     stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)] = Field(
         description="in flight order"
     )
-    programme: ProgrammePart | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="attitude from the start on, in place of a planned one",
+    programme: ProgrammePart | None = added_later(
+        "attitude from the start on, in place of a planned one"
     )
     jettisons: tuple[Jettison, ...] = Field(default=(), description="what is dropped in flight")
     target: Target = Field(description="where to: a point of an orbit, or an orbit by its elements")
 
-    abort: AbortPart | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="what is flown to where the target is out of reach",
-    )
+    abort: AbortPart | None = added_later("what is flown to where the target is out of reach")
 
     _held: HoldDown | None = PrivateAttr(default=None)
 
@@ -204,20 +169,28 @@ class Mission(Part):
         return tuple(stage.name for stage in self.stages)
 
     @property
+    def walk(self) -> tuple[PlacedArc, ...]:
+        """Return the arcs of the file in flight order, each with its place."""
+        return tuple(
+            PlacedArc(i, stage, k, arc)
+            for i, stage in enumerate(self.stages)
+            for k, arc in enumerate(stage.flight_arcs)
+        )
+
+    @property
     def arc_names(self) -> tuple[str, ...]:
         """Return one name per arc in flight order: its own, or the stage's.
 
         A burn that rises vertically, has boosters or loses engines is several arcs.
         """
         names = []
-        for stage in self.stages:
-            for k, arc in enumerate(stage.flight_arcs):
-                if isinstance(arc, CoastArc):
-                    names.append(arc.name or stage.name)
-                    continue
-                names += [part.name for part in stage.parts_of(k, self.environment.g0_m_s2)]
-                if arc.engine_out:
-                    names.append(f"{names[-1]}, engine out")
+        for _, stage, k, arc in self.walk:
+            if isinstance(arc, CoastArc):
+                names.append(arc.name or stage.name)
+                continue
+            names += [part.name for part in stage.parts_of(k, self.environment.g0_m_s2)]
+            if arc.engine_out:
+                names.append(f"{names[-1]}, engine out")
         return tuple(names)
 
     @property
@@ -234,8 +207,7 @@ class Mission(Part):
     @property
     def plans_arcs(self) -> bool:
         """Return whether arcs before the last are free."""
-        arcs = [arc for stage in self.stages for arc in stage.flight_arcs]
-        return any(arc.free for arc in arcs[:-1])
+        return any(placed.arc.free for placed in self.walk[:-1])
 
     @property
     def needs_plan(self) -> bool:
@@ -493,23 +465,7 @@ def parse_mission(text: str, source: str) -> Mission:
     Raises:
         MissionError: as in :func:`load_mission`.
     """
-    data, lines = parse_input(text, source, MISSION)
-    try:
-        return Mission.model_validate(data)
-    except ValidationError as error:
-        problems = [explain(item, lines, _siblings, _BLOCKS) for item in by_cause(error.errors())]
-        raise MissionError(source, problems) from None
-
-
-def _siblings(location: KeyPath) -> list[str]:
-    """List the known keys of the mapping around a location."""
-    model: Any = Mission
-    for part in location[:-1]:
-        if isinstance(part, str) and part.startswith("<"):
-            model = _FORMS[part]
-        elif isinstance(part, str):
-            model = _MODELS.get(part, model)
-    return list(model.model_fields)
+    return parse_model(text, source, MISSION, Mission, _FORMS, _BLOCKS)
 
 
 _FORMS: dict[str, type[Part]] = {
@@ -539,21 +495,4 @@ _BLOCKS = {
         "arcs in place of the last three"
     ),
     "target": EXPECTED_TARGET,
-}
-
-_MODELS: dict[str, type[Part]] = {
-    "environment": parts.EnvironmentPart,
-    "earth": parts.EarthPart,
-    "rail": Rail,
-    "atmosphere": parts.AtmospherePart,
-    "aerodynamics": parts.AerodynamicsPart,
-    "stages": parts.Stage,
-    "boosters": Booster,
-    "programme": ProgrammePart,
-    "kick": WhenPart,
-    "until": UntilPart,
-    "jettisons": parts.Jettison,
-    "engine_out": EngineOut,
-    "abort": parts.AbortPart,
-    "avoid": parts.AreaPart,
 }

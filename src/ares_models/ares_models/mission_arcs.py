@@ -4,15 +4,9 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
-from pydantic import (
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    model_validator,
-)
+from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 
 from ares_models.arrays import MAX_KNOTS
 from ares_models.input_file import unit_of
@@ -36,10 +30,11 @@ from ares_models.mission_keys import (
     SpecificImpulse,
     Thrust,
     ThrustTable,
+    added_later,
     by_keys,
     fail,
-    not_there,
     one_of,
+    optional,
 )
 from ares_models.ranges import Range
 
@@ -141,13 +136,12 @@ class EngineOut(Part):
         return (self.engines - self.lost) / self.engines
 
 
-def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | None) -> None:
+def check_bounds(key: str, arc: "BurnArc | CoastArc") -> None:
     """Report bounds of a time that is not free, or an upper bound below the lower."""
-    for name, bound in (("min_s", min_s), ("max_s", max_s)):
-        if bound is not None and time_s != "free":
-            fail((name,), bound, f"no such key without {key}: free")
-    if min_s is not None and max_s is not None and min_s > max_s:
-        fail(("min_s",), min_s, f"at most max_s, {max_s} s")
+    if not arc.free:
+        arc.refuse(("min_s", "max_s"), f"no such key without {key}: free")
+    if arc.min_s is not None and arc.max_s is not None and arc.min_s > arc.max_s:
+        fail(("min_s",), arc.min_s, f"at most max_s, {arc.max_s} s")
 
 
 #: Keys of a burn that a thrust table excludes.
@@ -172,70 +166,50 @@ class BurnArc(Part):
     """
 
     model_config = ConfigDict(json_schema_extra=one_of(*BURN_FORMS))
+    #: Key of the length.
+    LENGTH: ClassVar[str] = "burn_time_s"
 
-    name: Name | None = Field(default=None, description="shown in events; default: the stage's")
-    thrust_n: Thrust | None = Field(default=None, description="full thrust of all engines, vacuum")
-    isp_s: SpecificImpulse | None = Field(
-        default=None, description="vacuum; mass flow is T / (g0 Isp)"
-    )
+    name: Name | None = optional("shown in events; default: the stage's")
+    thrust_n: Thrust | None = optional("full thrust of all engines, vacuum")
+    isp_s: SpecificImpulse | None = optional("vacuum; mass flow is T / (g0 Isp)")
     engines: EngineCount = Field(default=1, description="that share the thrust")
-    burn_time_s: FreeTime | None = Field(
-        default=None, description="from ignition command to cut-off command, or free"
+    burn_time_s: FreeTime | None = optional("from ignition command to cut-off command, or free")
+    thrust_table: ThrustTable | None = added_later(
+        "of a solid motor, in place of thrust_n and burn_time_s: vacuum thrust after "
+        "ignition, knots [seconds, newtons]; the burn ends with it"
     )
-    thrust_table: ThrustTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="of a solid motor, in place of thrust_n and burn_time_s: vacuum thrust after "
-        "ignition, knots [seconds, newtons]; the burn ends with it",
+    mass_flow_table: FlowTable | None = added_later(
+        "beside thrust_table, in place of isp_s: knots [seconds, kilograms per second]"
     )
-    mass_flow_table: FlowTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="beside thrust_table, in place of isp_s: knots [seconds, kilograms per second]",
+    min_s: Delay | None = optional("least length, if it is free")
+    max_s: Duration | None = optional("greatest length, if it is free")
+    min_altitude_m: FloorAltitude | None = added_later("least altitude, all along it")
+    exit_area_m2: Area | None = added_later(
+        "of all nozzles together: thrust is that in vacuum less ambient pressure times this"
     )
-    min_s: Delay | None = Field(default=None, description="least length, if it is free")
-    max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
-    min_altitude_m: FloorAltitude | None = Field(
-        default=None, exclude_if=not_there, description="least altitude, all along it"
-    )
-    exit_area_m2: Area | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="of all nozzles together: thrust is that in vacuum less ambient pressure "
-        "times this",
-    )
-    vertical_rise_s: Duration | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="at ignition the thrust is along the vertical for so long",
+    vertical_rise_s: Duration | None = added_later(
+        "at ignition the thrust is along the vertical for so long"
     )
     attitude: Literal["guided", "held"] = Field(
         default="guided", description="held: the direction at ignition is kept; not for a free burn"
     )
-    max_acceleration_m_s2: Acceleration | None = Field(
-        default=None,
-        description="throttled to this thrust acceleration from where full thrust would pass it",
+    max_acceleration_m_s2: Acceleration | None = optional(
+        "throttled to this thrust acceleration from where full thrust would pass it"
     )
-    min_throttle: Fraction | None = Field(
-        default=None, description="fraction of full thrust below which it is not throttled"
+    min_throttle: Fraction | None = optional(
+        "fraction of full thrust below which it is not throttled"
     )
-    throttle_bucket: BucketThrottle | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="fraction of full thrust around the greatest dynamic pressure; from when to "
-        "when, the optimizer plans",
+    throttle_bucket: BucketThrottle | None = added_later(
+        "fraction of full thrust around the greatest dynamic pressure; from when to "
+        "when, the optimizer plans"
     )
-    start: Curve | None = Field(
-        default=None,
-        description="thrust fraction after the ignition command, knots [seconds, fraction]",
+    start: Curve | None = optional(
+        "thrust fraction after the ignition command, knots [seconds, fraction]"
     )
-    tail_off: Curve | None = Field(
-        default=None,
-        description="thrust fraction after the cut-off command, knots [seconds, fraction]",
+    tail_off: Curve | None = optional(
+        "thrust fraction after the cut-off command, knots [seconds, fraction]"
     )
-    engine_out: EngineOut | None = Field(
-        default=None, description="the burn loses engines and goes on with the others"
-    )
+    engine_out: EngineOut | None = optional("the burn loses engines and goes on with the others")
 
     @model_validator(mode="after")
     def _whole(self) -> "BurnArc":
@@ -252,14 +226,12 @@ class BurnArc(Part):
             self._check_table(self.thrust_table)
             self._check_vertical()
             return
-        if self.mass_flow_table is not None:
-            flow = list(self.mass_flow_table)
-            fail(("mass_flow_table",), flow, "no such key without thrust_table")
+        self.refuse(("mass_flow_table",), "no such key without thrust_table")
         self._check_vertical()
         for key in BURN_FORMS[0]:
             if getattr(self, key) is None:
                 fail((key,), None, f"a number{unit_of(key)}{instead}")
-        check_bounds("burn_time_s", self.burn_time_s, self.min_s, self.max_s)
+        check_bounds("burn_time_s", self)
         self._check_throttle()
         self._check_bucket()
         self._check_curves()
@@ -269,9 +241,8 @@ class BurnArc(Part):
         rise = self.vertical_rise_s
         if rise is None:
             return
-        for key in ("start", "engine_out", "max_acceleration_m_s2"):
-            if getattr(self, key) is not None:
-                fail((key,), getattr(self, key), "no such key beside vertical_rise_s")
+        excluded = ("start", "engine_out", "max_acceleration_m_s2")
+        self.refuse(excluded, "no such key beside vertical_rise_s")
         if self.attitude == "held":
             fail(("attitude",), "held", "guided, beside vertical_rise_s")
         if self.free and self.throttle_bucket is None:
@@ -282,21 +253,17 @@ class BurnArc(Part):
 
     def _check_table(self, thrust: tuple[tuple[float, float], ...]) -> None:
         """Report keys that contradict a thrust table, and errors in the tables."""
-        for key in _NO_TABLE:
-            if getattr(self, key) is not None:
-                fail((key,), getattr(self, key), "no such key beside thrust_table")
+        self.refuse(_NO_TABLE, "no such key beside thrust_table")
         if self.engines != 1:
-            fail(
-                ("engines",), self.engines, "1, the table being of all motors, beside thrust_table"
-            )
+            expected = "1, the table being of all motors, beside thrust_table"
+            fail(("engines",), self.engines, expected)
         check_curve("thrust_table", thrust)
         check_curve("mass_flow_table", self.mass_flow_table)
         if self.mass_flow_table is None:
             if self.isp_s is None:
                 fail(("isp_s",), None, "a number in s, or a mass_flow_table in its place")
         else:
-            if self.isp_s is not None:
-                fail(("isp_s",), self.isp_s, "no such key beside mass_flow_table")
+            self.refuse(("isp_s",), "no such key beside mass_flow_table")
             self._check_flow(thrust, self.mass_flow_table)
         if thrust[-1][1] == 0.0 == thrust[-2][1]:
             fail(("thrust_table", len(thrust) - 1), list(thrust[-1]), "thrust until the last knot")
@@ -314,11 +281,8 @@ class BurnArc(Part):
             fail(path, len(knots), f"at most {MAX_KNOTS} knots in both tables together")
         for (t, f0, m0), (_, f1, m1) in pairwise(knots):
             if (f0 + f1 > 0.0) != (m0 + m1 > 0.0):
-                fail(
-                    path,
-                    list(flow),
-                    f"a mass flow where there is thrust, and only there; at {t:g} s",
-                )
+                expected = f"a mass flow where there is thrust, and only there; at {t:g} s"
+                fail(path, list(flow), expected)
 
     def table(self, g0: float) -> Table:
         """Return thrust and mass flow of a solid motor on common knots.
@@ -335,16 +299,10 @@ class BurnArc(Part):
 
     def _check_throttle(self) -> None:
         if self.max_acceleration_m_s2 is None:
-            if self.min_throttle is not None:
-                fail(
-                    ("min_throttle",),
-                    self.min_throttle,
-                    "no such key without max_acceleration_m_s2",
-                )
+            self.refuse(("min_throttle",), "no such key without max_acceleration_m_s2")
             return
-        for key in ("start", "tail_off", "engine_out"):
-            if getattr(self, key) is not None:
-                fail((key,), getattr(self, key), "no such key beside max_acceleration_m_s2")
+        excluded = ("start", "tail_off", "engine_out")
+        self.refuse(excluded, "no such key beside max_acceleration_m_s2")
 
     def _check_bucket(self) -> None:
         """Report keys that contradict a throttle bucket."""
@@ -353,36 +311,25 @@ class BurnArc(Part):
         if not self.free:
             expected = "free, beside throttle_bucket: the optimizer plans the length"
             fail(("burn_time_s",), self.burn_time_s, expected)
-        for key in _NO_BUCKET:
-            if getattr(self, key) is not None:
-                fail((key,), getattr(self, key), "no such key beside throttle_bucket")
+        self.refuse(_NO_BUCKET, "no such key beside throttle_bucket")
 
     def _check_curves(self) -> None:
         check_curve("start", self.start, 1.0)
         check_curve("tail_off", self.tail_off, 0.0)
         if self.start and self.duration_s < self.start[-1][0]:
-            fail(
-                ("burn_time_s",),
-                self.duration_s,
-                f"at least the {self.start[-1][0]} s that the start takes",
-            )
+            expected = f"at least the {self.start[-1][0]} s that the start takes"
+            fail(("burn_time_s",), self.duration_s, expected)
         if self.engine_out:
             self._check_engine_out(self.engine_out)
 
     def _check_engine_out(self, failure: EngineOut) -> None:
+        path, at = ("engine_out", "time_after_ignition_s"), failure.time_after_ignition_s
         if self.free:
-            fail(
-                ("engine_out", "time_after_ignition_s"),
-                failure.time_after_ignition_s,
-                "no engine_out in a burn with burn_time_s: free",
-            )
+            fail(path, at, "no engine_out in a burn with burn_time_s: free")
         earliest = 0.0 if self.start is None else self.start[-1][0]
-        if not earliest <= failure.time_after_ignition_s < self.duration_s:
-            fail(
-                ("engine_out", "time_after_ignition_s"),
-                failure.time_after_ignition_s,
-                f"a time from {earliest:g} s to the end of the burn at {self.duration_s:g} s",
-            )
+        if not earliest <= at < self.duration_s:
+            end = f"the end of the burn at {self.duration_s:g} s"
+            fail(path, at, f"a time from {earliest:g} s to {end}")
 
     @property
     def free(self) -> bool:
@@ -397,6 +344,16 @@ class BurnArc(Part):
         if self.burn_time_s is None or self.burn_time_s == "free":
             return math.inf
         return self.burn_time_s
+
+    @property
+    def thrust_key(self) -> str:
+        """Return the key that gives the thrust."""
+        return "thrust_n" if self.thrust_table is None else "thrust_table"
+
+    @property
+    def flow_key(self) -> str:
+        """Return the key that gives the mass flow."""
+        return "isp_s" if self.mass_flow_table is None else "mass_flow_table"
 
     @property
     def full_thrust_n(self) -> float:
@@ -485,40 +442,33 @@ ORBIT_KEYS = ("perigee_altitude_m", "apogee_altitude_m", "inclination_deg")
 class CoastArc(Part):
     """Hold an arc without thrust."""
 
-    name: Name | None = Field(default=None, description="shown in events; default: the stage's")
+    #: Key of the length.
+    LENGTH: ClassVar[str] = "coast_s"
+
+    name: Name | None = optional("shown in events; default: the stage's")
     coast_s: FreeTime = Field(description="how long, or free")
-    min_s: Delay | None = Field(default=None, description="least length, if it is free")
-    max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
-    min_altitude_m: FloorAltitude | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="least altitude, all along it; of a free coast after a burn by default the "
-        "edge of the air, 100 km on Earth, unless it begins below that in the ascent",
+    min_s: Delay | None = optional("least length, if it is free")
+    max_s: Duration | None = optional("greatest length, if it is free")
+    min_altitude_m: FloorAltitude | None = added_later(
+        "least altitude, all along it; of a free coast after a burn by default the "
+        "edge of the air, 100 km on Earth, unless it begins below that in the ascent"
     )
-    min_perigee_altitude_m: FloorAltitude | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="least perigee of the orbit it is flown on, above the equatorial radius",
+    min_perigee_altitude_m: FloorAltitude | None = added_later(
+        "least perigee of the orbit it is flown on, above the equatorial radius"
     )
-    perigee_altitude_m: Altitude | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="perigee of the orbit it is flown on, above the equatorial radius",
+    perigee_altitude_m: Altitude | None = added_later(
+        "perigee of the orbit it is flown on, above the equatorial radius"
     )
-    apogee_altitude_m: Altitude | None = Field(
-        default=None, exclude_if=not_there, description="its apogee; both are named, or neither"
-    )
-    inclination_deg: Inclination | None = Field(
-        default=None, exclude_if=not_there, description="of that orbit, to the equator"
-    )
+    apogee_altitude_m: Altitude | None = added_later("its apogee; both are named, or neither")
+    inclination_deg: Inclination | None = added_later("of that orbit, to the equator")
 
     @model_validator(mode="after")
     def _bounds(self) -> "CoastArc":
-        check_bounds("coast_s", self.coast_s, self.min_s, self.max_s)
-        given = [key for key in ORBIT_KEYS if getattr(self, key) is not None]
-        for key in ("min_perigee_altitude_m", *given):
-            if getattr(self, key) is not None and not self.free:
-                fail((key,), getattr(self, key), "no such key where coast_s is not free")
+        check_bounds("coast_s", self)
+        given = self.given(ORBIT_KEYS)
+        if not self.free:
+            bounds = ("min_perigee_altitude_m", *given)
+            self.refuse(bounds, "no such key where coast_s is not free")
         if not given:
             return self
         perigee, apogee = self.perigee_altitude_m, self.apogee_altitude_m
@@ -527,9 +477,7 @@ class CoastArc(Part):
             fail((missing,), None, f"a number in m, beside {given[0]}")
         if apogee < perigee:
             fail(("apogee_altitude_m",), apogee, f"at least perigee_altitude_m, {perigee} m")
-        if self.min_perigee_altitude_m is not None:
-            least = self.min_perigee_altitude_m
-            fail(("min_perigee_altitude_m",), least, "no such key beside perigee_altitude_m")
+        self.refuse(("min_perigee_altitude_m",), "no such key beside perigee_altitude_m")
         return self
 
     @property

@@ -49,30 +49,29 @@ def arc_array(mission: "Mission", foreseen: bool) -> NDArray[np.void]:
     """Compile the arcs, dtype ARC; ``foreseen`` as in :meth:`Mission.arrays`."""
     rows = []
     g0 = mission.environment.g0_m_s2
-    for i, stage in enumerate(mission.stages):
-        for k, arc in enumerate(stage.flight_arcs):
-            row = np.zeros(1, layout.ARC)
-            row["stage"] = i
-            row["duration"] = arc.duration_s
-            row["shortest"] = max(shortest(arc), _until_drops(mission, i, k))
-            row["longest"] = arc.max_s or arc.duration_s
-            low = arc.min_altitude_m
-            row["min_altitude"] = -math.inf if low is None else low
-            row["begins_stage"] = int(k == 0)
-            row["stack_mass"] = mission.ignition_mass(i)
-            row["propellant"] = mission.propellant(i)
-            row["exhaust_velocity"] = 1.0
-            row["kind"] = layout.COAST
+    for i, stage, k, arc in mission.walk:
+        row = np.zeros(1, layout.ARC)
+        row["stage"] = i
+        row["duration"] = arc.duration_s
+        row["shortest"] = max(shortest(arc), _until_drops(mission, i, k))
+        row["longest"] = arc.max_s or arc.duration_s
+        low = arc.min_altitude_m
+        row["min_altitude"] = -math.inf if low is None else low
+        row["begins_stage"] = int(k == 0)
+        row["stack_mass"] = mission.ignition_mass(i)
+        row["propellant"] = mission.propellant(i)
+        row["exhaust_velocity"] = 1.0
+        row["kind"] = layout.COAST
+        _write_air(mission, stage, isinstance(arc, BurnArc), row)
+        if isinstance(arc, CoastArc):
+            _write_coast(mission, arc, row)
             rows.append(row)
-            _write_air(mission, stage, isinstance(arc, BurnArc), row)
-            if isinstance(arc, CoastArc):
-                _write_coast(mission, arc, row)
-            if isinstance(arc, BurnArc):
-                _write_burn(arc, g0, row)
-                cut = stage.parts_of(k, g0)
-                rows[-1:] = [part_row(row, part, part is cut[-1], g0) for part in cut]
-                if arc.engine_out:
-                    rows.append(_lose_engines(rows[-1], arc.engine_out, foreseen))
+            continue
+        _write_burn(arc, g0, row)
+        cut = stage.parts_of(k, g0)
+        rows += [part_row(row, part, part is cut[-1], g0) for part in cut]
+        if arc.engine_out:
+            rows.append(_lose_engines(rows[-1], arc.engine_out, foreseen))
     return np.concatenate(rows)
 
 

@@ -30,9 +30,10 @@ from ares_models.mission_keys import (
     SpecificImpulse,
     Thrust,
     ThrustTable,
+    added_later,
     fail,
-    not_there,
     one_of,
+    optional,
 )
 
 if TYPE_CHECKING:
@@ -58,22 +59,17 @@ class Booster(Part):
     count: EngineCount = Field(default=1, description="how many; the masses and thrust are of one")
     dry_mass_kg: Mass = Field(description="what drops when it is empty")
     propellant_kg: Mass = Field(description="all of it burns")
-    thrust_n: Thrust | None = Field(default=None, description="vacuum")
-    burn_time_s: Duration | None = Field(default=None, description="its mass flow follows")
-    isp_s: SpecificImpulse | None = Field(
-        default=None, description="vacuum, in place of burn_time_s"
+    thrust_n: Thrust | None = optional("vacuum")
+    burn_time_s: Duration | None = optional("its mass flow follows")
+    isp_s: SpecificImpulse | None = optional("vacuum, in place of burn_time_s")
+    thrust_table: ThrustTable | None = optional(
+        "in place of thrust_n: vacuum thrust after ignition, knots [seconds, newtons]; "
+        "the mass flow is in proportion"
     )
-    thrust_table: ThrustTable | None = Field(
-        default=None,
-        description="in place of thrust_n: vacuum thrust after ignition, knots [seconds, newtons]; "
-        "the mass flow is in proportion",
-    )
-    exit_area_m2: Area | None = Field(default=None, description="of its nozzle")
+    exit_area_m2: Area | None = optional("of its nozzle")
     ignition_s: Delay = Field(default=0.0, description="after the ignition of the stage")
-    ballistic_coefficient_kg_m2: BallisticCoefficient | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="of one as it falls: mass over drag coefficient times area",
+    ballistic_coefficient_kg_m2: BallisticCoefficient | None = added_later(
+        "of one as it falls: mass over drag coefficient times area"
     )
 
     @model_validator(mode="after")
@@ -84,16 +80,12 @@ class Booster(Part):
             fail(("dry_mass_kg",), self.dry_mass_kg, expected)
         if self.thrust_table is not None:
             check_curve("thrust_table", self.thrust_table)
-            for key in ("thrust_n", "burn_time_s", "isp_s"):
-                if getattr(self, key) is not None:
-                    fail((key,), getattr(self, key), "no such key beside thrust_table")
+            self.refuse(("thrust_n", "burn_time_s", "isp_s"), "no such key beside thrust_table")
             return self
         if self.thrust_n is None:
             fail(("thrust_n",), None, "a number in N, or a thrust_table in its place")
-        if self.burn_time_s is None and self.isp_s is None:
+        if not self.take_one(("burn_time_s", "isp_s")):
             fail(("burn_time_s",), None, "a number in s, or isp_s in its place")
-        if self.burn_time_s is not None and self.isp_s is not None:
-            fail(("isp_s",), self.isp_s, "no such key beside burn_time_s")
         return self
 
     def burn_s(self, g0: float) -> float:
@@ -300,10 +292,8 @@ def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float)
     if not boosters:
         return
     burn = stage.burns[0]
-    for key in ("start", "tail_off", "engine_out", "max_acceleration_m_s2", "throttle_bucket"):
-        if getattr(burn, key) is not None:
-            expected = "no such key in a burn beside boosters"
-            fail((*stage_path, key), getattr(burn, key), expected)
+    alone = ("start", "tail_off", "engine_out", "max_acceleration_m_s2", "throttle_bucket")
+    burn.refuse(alone, "no such key in a burn beside boosters", stage_path)
     knots = 2 + len(burn.thrust_table or ()) + len(burn.mass_flow_table or ())
     knots += sum(len(booster.thrust_table or ()) for booster in boosters)
     if knots > MAX_KNOTS:
@@ -311,8 +301,7 @@ def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float)
     for i, booster in enumerate(boosters):
         end = booster.end_s(g0)
         if end > burn.duration_s + SAME_EVENT:
-            keys = ("thrust_table", "burn_time_s", "isp_s")
-            key = next(name for name in keys if getattr(booster, name) is not None)
+            key = booster.given(("thrust_table", "burn_time_s", "isp_s"))[0]
             fail(
                 (*stage_path, "boosters", i, key),
                 getattr(booster, key),

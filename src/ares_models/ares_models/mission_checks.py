@@ -67,11 +67,8 @@ def _check_names(mission: "Mission") -> None:
                 fail((key, k, "name"), name, f"a name that {key}[{names.index(name)}] has not")
     for k, jettison in enumerate(mission.jettisons):
         if jettison.stage not in mission.stage_names:
-            fail(
-                ("jettisons", k, "stage"),
-                jettison.stage,
-                "the name of a stage: " + ", ".join(mission.stage_names),
-            )
+            expected = "the name of a stage: " + ", ".join(mission.stage_names)
+            fail(("jettisons", k, "stage"), jettison.stage, expected)
     if len(mission.drops) > MAX_JETTISONS:
         expected = f"at most {MAX_JETTISONS} jettisons and kinds of boosters"
         fail(("jettisons",), list(mission.jettison_names), expected)
@@ -84,100 +81,82 @@ def _check_names(mission: "Mission") -> None:
 
 def _check_free_arcs(mission: "Mission") -> None:
     """Check that every stage burns, the last arc is a burn, and some burn is free and guided."""
-    for i, stage in enumerate(mission.stages):
-        last_stage = i == len(mission.stages) - 1
-        if not stage.burns:
+    for place in mission.walk:
+        i, stage, k, arc = place
+        if k == 0 and not stage.burns:
             fail(("stages", i, "arcs"), list(stage.flight_arcs), "at least one burn")
-        for k, arc in enumerate(stage.flight_arcs):
-            if not isinstance(arc, BurnArc) or not arc.free:
-                continue
-            if arc.attitude == "held":
-                path = ("stages", i, *stage.arc_path(k, "attitude"))
-                fail(path, "held", "guided, for a burn with burn_time_s: free")
-            if stage.propellant_kg is None and not last_stage:
-                expected = f"a number, because burn {arc.name or stage.name} is free"
-                fail(("stages", i, "propellant_kg"), None, expected)
-    stage = mission.stages[-1]
-    k = len(stage.flight_arcs) - 1
-    last = stage.flight_arcs[k]
-    path = ("stages", len(mission.stages) - 1, *stage.arc_path(k))
+        if not isinstance(arc, BurnArc) or not arc.free:
+            continue
+        if arc.attitude == "held":
+            fail(place.path("attitude"), "held", "guided, for a burn with burn_time_s: free")
+        if stage.propellant_kg is None and i < len(mission.stages) - 1:
+            expected = f"a number, because burn {arc.name or stage.name} is free"
+            fail(("stages", i, "propellant_kg"), None, expected)
+    place = mission.walk[-1]
+    last = place.arc
     if isinstance(last, CoastArc):
-        fail((*path, "coast_s"), last.coast_s, "a burn as the last arc of the last stage")
+        fail(place.path("coast_s"), last.coast_s, "a burn as the last arc of the last stage")
     steered = not flown_whole(mission)
     if steered and not any(burn.free for stage in mission.stages for burn in stage.burns):
         if last.thrust_table is None:
-            fail((*path, "burn_time_s"), last.burn_time_s, f"free, for at least one burn{_INSTEAD}")
+            expected = f"free, for at least one burn{_INSTEAD}"
+            fail(place.path("burn_time_s"), last.burn_time_s, expected)
         instead = (
             "a burn with thrust_n and burn_time_s: free after it, which may be small, or in its "
             f"place{_INSTEAD}"
         )
-        fail((*path, "thrust_table"), last.thrust_table, instead)
+        fail(place.path("thrust_table"), last.thrust_table, instead)
 
 
 def _check_throttle_buckets(mission: "Mission") -> None:
     """Report a throttle bucket that has no limit to keep, or that is not planned as it stands."""
-    for i, stage in enumerate(mission.stages):
-        for k, arc in enumerate(stage.flight_arcs):
-            if not isinstance(arc, BurnArc) or arc.throttle_bucket is None:
-                continue
-            path = ("stages", i, *stage.arc_path(k, "throttle_bucket"))
-            if stage.max_dynamic_pressure_pa is None:
-                expected = "max_dynamic_pressure_pa of the stage beside it"
-                fail(path, arc.throttle_bucket, expected)
-            if (i, k) == (len(mission.stages) - 1, len(stage.flight_arcs) - 1):
-                fail(path, arc.throttle_bucket, "no such key in the last burn of the flight")
-            for j, jettison in enumerate(mission.jettisons):
-                if jettison.stage == stage.name and jettison.time_after_ignition_s is not None:
-                    fail(
-                        ("jettisons", j, "time_after_ignition_s"),
-                        jettison.time_after_ignition_s,
-                        f"no such key: stage {stage.name} has a throttle_bucket, whose time is "
-                        "not known",
-                    )
+    for place in mission.walk:
+        arc = place.arc
+        if not isinstance(arc, BurnArc) or arc.throttle_bucket is None:
+            continue
+        path, stage = place.path("throttle_bucket"), place.stage.name
+        if place.stage.max_dynamic_pressure_pa is None:
+            fail(path, arc.throttle_bucket, "max_dynamic_pressure_pa of the stage beside it")
+        if place == mission.walk[-1]:
+            fail(path, arc.throttle_bucket, "no such key in the last burn of the flight")
+        expected = f"no such key: stage {stage} has a throttle_bucket, whose time is not known"
+        for j, jettison in enumerate(mission.jettisons):
+            if jettison.stage == stage:
+                jettison.refuse(("time_after_ignition_s",), expected, ("jettisons", j))
 
 
 def _check_last_stage_stays(mission: "Mission") -> None:
     """Report a ballistic coefficient of the last stage, which is never dropped."""
-    coefficient = mission.stages[-1].ballistic_coefficient_kg_m2
-    if coefficient is not None:
-        fail(
-            ("stages", len(mission.stages) - 1, "ballistic_coefficient_kg_m2"),
-            coefficient,
-            "no such key in the last stage, which is not dropped",
-        )
+    expected = "no such key in the last stage, which is not dropped"
+    path = ("stages", len(mission.stages) - 1)
+    mission.stages[-1].refuse(("ballistic_coefficient_kg_m2",), expected, path)
 
 
 def _check_parking_orbits(mission: "Mission") -> None:
     """Report a coast that prescribes its orbit without a burn before it."""
     burnt = False
-    for i, stage in enumerate(mission.stages):
-        for k, arc in enumerate(stage.flight_arcs):
-            burnt = burnt or isinstance(arc, BurnArc)
-            if isinstance(arc, CoastArc) and arc.perigee_altitude_m is not None and not burnt:
-                fail(
-                    ("stages", i, *stage.arc_path(k, "perigee_altitude_m")),
-                    arc.perigee_altitude_m,
-                    "no such key in a coast before the first burn",
-                )
+    for place in mission.walk:
+        burnt = burnt or isinstance(place.arc, BurnArc)
+        if isinstance(place.arc, CoastArc) and not burnt:
+            expected = "no such key in a coast before the first burn"
+            place.arc.refuse(("perigee_altitude_m",), expected, place.path())
 
 
 def _check_curves_fit(mission: "Mission") -> None:
-    for i, stage in enumerate(mission.stages):
-        arcs = stage.flight_arcs
-        ends_flight = len(arcs) - 1 if i == len(mission.stages) - 1 else None
-        for k, arc in enumerate(arcs):
-            if not isinstance(arc, BurnArc) or arc.tail_off is None:
-                continue
-            if arc.free and k == ends_flight:
-                continue
-            room = _coast_after(arcs, k)
-            if arc.tail_s > room:
-                fail(
-                    ("stages", i, *stage.arc_path(k, "tail_off")),
-                    list(arc.tail_off),
-                    f"a tail-off of {arc.tail_s:g} s followed by a coast of at least that in "
-                    f"the same stage, which has {room:g} s",
-                )
+    for place in mission.walk:
+        arc = place.arc
+        if not isinstance(arc, BurnArc) or arc.tail_off is None:
+            continue
+        if arc.free and place == mission.walk[-1]:
+            continue
+        room = _coast_after(place.stage.flight_arcs, place.k)
+        if arc.tail_s > room:
+            fail(
+                place.path("tail_off"),
+                list(arc.tail_off),
+                f"a tail-off of {arc.tail_s:g} s followed by a coast of at least that in "
+                f"the same stage, which has {room:g} s",
+            )
 
 
 def _coast_after(arcs: Sequence[BurnArc | CoastArc], k: int) -> float:
@@ -194,11 +173,8 @@ def _check_jettison_times(mission: "Mission") -> None:
     for k, jettison in enumerate(mission.jettisons):
         earliest = ignition[mission.stage_names.index(jettison.stage)]
         if jettison.time_s is not None and jettison.time_s < earliest:
-            fail(
-                ("jettisons", k, "time_s"),
-                jettison.time_s,
-                f"at least {earliest:g} s, when stage {jettison.stage} ignites",
-            )
+            expected = f"at least {earliest:g} s, when stage {jettison.stage} ignites"
+            fail(("jettisons", k, "time_s"), jettison.time_s, expected)
     _check_jettison_before_next_stage(mission)
     if mission.plans_arcs:
         _check_jettison_before_free_arcs(mission)
@@ -229,9 +205,8 @@ def _check_jettison_before_free_arcs(mission: "Mission") -> None:
     """Report a drop by the clock that comes after the longest of its stage's first free arc."""
     for k, jettison in enumerate(mission.jettisons):
         path = ("jettisons", k)
-        if jettison.time_s is not None:
-            expected = "no such key in a mission with free arcs before its last"
-            fail((*path, "time_s"), jettison.time_s, expected)
+        expected = "no such key in a mission with free arcs before its last"
+        jettison.refuse(("time_s",), expected, path)
         after = jettison.time_after_ignition_s
         if after is None:
             continue
@@ -256,17 +231,12 @@ def _check_heating_limits(mission: "Mission") -> None:
         if jettison.heating_limit_w_m2 is not None
     ]
     for k, jettison in enumerate(mission.jettisons):
-        if mission.environment.atmosphere.model == "none" and jettison.heating_limit_w_m2:
-            fail(
-                ("jettisons", k, "heating_limit_w_m2"),
-                jettison.heating_limit_w_m2,
-                "time_s or time_after_ignition_s in its place, because atmosphere.model is none",
-            )
+        if mission.environment.atmosphere.model == "none":
+            instead = "time_s or time_after_ignition_s in its place"
+            expected = f"{instead}, because atmosphere.model is none"
+            jettison.refuse(("heating_limit_w_m2",), expected, ("jettisons", k))
         # heating falls: the lowest limit is reached last and governs the rest of the flight
         lowest = jettison.heating_limit_w_m2 == min(limits, default=None)
         if jettison.heating_limit_holds == "from_jettison" and not lowest:
-            fail(
-                ("jettisons", k, "heating_limit_holds"),
-                jettison.heating_limit_holds,
-                f"at_jettison, for all but the lowest limit, {min(limits):g} W/m2",
-            )
+            expected = f"at_jettison, for all but the lowest limit, {min(limits):g} W/m2"
+            jettison.refuse(("heating_limit_holds",), expected, ("jettisons", k))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Define the keys of a mission: ranges of numbers, texts and times, and the base of all parts."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, NoReturn
 
@@ -24,10 +24,11 @@ from ares_models.arrays import (
     MAX_VERTICES,
     MAX_WIND_KNOTS,
 )
+from ares_models.input_file import KeyPath
 from ares_models.ranges import Range
 
 
-def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
+def fail(path: KeyPath, value: object, expected: str) -> NoReturn:
     """Raise a validation error that concerns more than a single field.
 
     Args:
@@ -191,10 +192,37 @@ class Part(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def given(self, keys: Iterable[str]) -> list[str]:
+        """Return those of some keys that have a value."""
+        return [key for key in keys if getattr(self, key) is not None]
 
-def not_there(value: object) -> bool:
-    """Return whether an optional key is absent, so that digests ignore keys added later."""
-    return value is None
+    def refuse(self, keys: Iterable[str], expected: str, path: KeyPath = ()) -> None:
+        """Report the first of some keys that has a value, though none may have one.
+
+        Args:
+            keys: that must be absent.
+            expected: in their place.
+            path: key path from the model under validation to this part.
+        """
+        for key in self.given(keys):
+            fail((*path, key), getattr(self, key), expected)
+
+    def take_one(self, keys: Iterable[str]) -> list[str]:
+        """Return those of some keys that have a value; report a second one beside the first."""
+        given = self.given(keys)
+        if len(given) > 1:
+            self.refuse(given[1:], f"no such key beside {given[0]}")
+        return given
+
+
+def optional(description: str) -> Any:
+    """Describe a key that may be left out."""
+    return Field(default=None, description=description)
+
+
+def added_later(description: str) -> Any:
+    """Describe a key that may be left out, and that the digest of a file without it ignores."""
+    return Field(default=None, exclude_if=lambda value: value is None, description=description)
 
 
 def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:

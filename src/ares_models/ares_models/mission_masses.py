@@ -35,10 +35,7 @@ def check_mass_forms(mission: "Mission") -> None:
             if i not in whole:
                 fail(("stages", i, "ignition_mass_kg"), None, "a number in kg")
         return
-    by_item = mission.payload_kg is not None or any(
-        getattr(stage, key) is not None for stage in mission.stages for key in _ITEMS
-    )
-    if not by_item:
+    if mission.payload_kg is None and not any(stage.given(_ITEMS) for stage in mission.stages):
         fail(
             ("stages", 0, "ignition_mass_kg"),
             None,
@@ -54,13 +51,9 @@ def check_mass_forms(mission: "Mission") -> None:
 
 
 def _check_no_items(mission: "Mission", expected: str) -> None:
-    for key in _LOADS:
-        if getattr(mission, key) is not None:
-            fail((key,), getattr(mission, key), expected)
+    mission.refuse(_LOADS, expected)
     for i, stage in enumerate(mission.stages):
-        for key in _ITEMS:
-            if getattr(stage, key) is not None:
-                fail(("stages", i, key), getattr(stage, key), expected)
+        stage.refuse(_ITEMS, expected, ("stages", i))
 
 
 def ignition_mass(mission: "Mission", stage: int) -> float:

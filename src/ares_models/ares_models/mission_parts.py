@@ -6,11 +6,12 @@ across several parts are in ``mission_checks``.
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, model_validator
 
 from ares_models.arrays import MAX_ARCS, MAX_AREAS
+from ares_models.input_file import KeyPath
 from ares_models.mission_arcs import BURN_FORMS, Arc, BurnArc, CoastArc, EngineOut, shortest
 from ares_models.mission_boosters import Booster, BurnPart, burn_parts
 from ares_models.mission_keys import (
@@ -53,10 +54,11 @@ from ares_models.mission_keys import (
     Turn,
     Vertices,
     WindTable,
+    added_later,
     check_rising,
     fail,
-    not_there,
     one_of,
+    optional,
 )
 
 
@@ -66,20 +68,15 @@ class EarthPart(Part):
     equatorial_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
     polar_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
     rotation_rate_rad_s: RotationRate = Field(description="about z")
-    zero_longitude_deg: Turn | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="right ascension of longitude zero at mission time 0, from the inertial x axis",
+    zero_longitude_deg: Turn | None = added_later(
+        "right ascension of longitude zero at mission time 0, from the inertial x axis"
     )
 
     @model_validator(mode="after")
     def _oblate(self) -> "EarthPart":
         if self.polar_radius_m > self.equatorial_radius_m:
-            fail(
-                ("polar_radius_m",),
-                self.polar_radius_m,
-                f"at most equatorial_radius_m, {self.equatorial_radius_m} m",
-            )
+            most = f"at most equatorial_radius_m, {self.equatorial_radius_m} m"
+            fail(("polar_radius_m",), self.polar_radius_m, most)
         return self
 
 
@@ -102,37 +99,31 @@ class AtmospherePart(Part):
         "exponential density and scale height"
     )
     density_factor: DensityFactor = Field(default=1.0, description="multiplies every density")
-    f107: SolarFlux | None = Field(
-        default=None, description="solar flux of the day, 1e-22 W/m2/Hz; for nrlmsis and only there"
+    f107: SolarFlux | None = optional(
+        "solar flux of the day, 1e-22 W/m2/Hz; for nrlmsis and only there"
     )
-    f107a: SolarFlux | None = Field(default=None, description="its 81-day mean; for nrlmsis")
-    ap: GeomagneticIndex | None = Field(default=None, description="geomagnetic index, for nrlmsis")
-    latitude_deg: Latitude | None = Field(default=None, description="place, for nrlmsis")
-    longitude_deg: Turn | None = Field(default=None, description="place, for nrlmsis")
-    surface_density_kg_m3: SurfaceDensity | None = Field(
-        default=None, exclude_if=not_there, description="at altitude 0, for exponential"
+    f107a: SolarFlux | None = optional("its 81-day mean; for nrlmsis")
+    ap: GeomagneticIndex | None = optional("geomagnetic index, for nrlmsis")
+    latitude_deg: Latitude | None = optional("place, for nrlmsis")
+    longitude_deg: Turn | None = optional("place, for nrlmsis")
+    surface_density_kg_m3: SurfaceDensity | None = added_later("at altitude 0, for exponential")
+    scale_height_m: ScaleHeight | None = added_later(
+        "climb over which density falls by e, for exponential"
     )
-    scale_height_m: ScaleHeight | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="climb over which density falls by e, for exponential",
-    )
-    wind_table: WindTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="knots [metres of altitude, metres per second to the east, to the north]; "
-        "monotone between them, constant below the first, fading to none over 20 km above the last",
+    wind_table: WindTable | None = added_later(
+        "knots [metres of altitude, metres per second to the east, to the north]; "
+        "monotone between them, constant below the first, fading to none over 20 km above the last"
     )
 
     @model_validator(mode="after")
     def _own_keys(self) -> "AtmospherePart":
         for model, keys in _OWN_KEYS.items():
+            if self.model != model:
+                self.refuse(keys, f"no such key, because model is {self.model}")
+                continue
             for key in keys:
-                value = getattr(self, key)
-                if self.model == model and value is None:
+                if getattr(self, key) is None:
                     fail((key,), None, f"a number, because model is {model}")
-                if self.model != model and value is not None:
-                    fail((key,), value, f"no such key, because model is {self.model}")
         if self.model == "none" and "density_factor" in self.model_fields_set:
             fail(("density_factor",), self.density_factor, "no such key, because model is none")
         if self.wind_table is not None:
@@ -169,33 +160,22 @@ class AerodynamicsPart(Part):
     model_config = ConfigDict(json_schema_extra=one_of(("drag_table",), ("axial_table",)))
 
     reference_area_m2: Area = Field(description="of all coefficients")
-    drag_table: CoefficientTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="drag coefficient, knots [Mach number, coefficient]; monotone between them, "
-        "constant beyond both ends",
+    drag_table: CoefficientTable | None = added_later(
+        "drag coefficient, knots [Mach number, coefficient]; monotone between them, "
+        "constant beyond both ends"
     )
-    lift_table: CoefficientTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="beside drag_table: lift coefficient per unit of the sine of the angle of "
-        "attack, likewise",
+    lift_table: CoefficientTable | None = added_later(
+        "beside drag_table: lift coefficient per unit of the sine of the angle of attack, likewise"
     )
-    axial_table: CoefficientTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="in place of drag_table: coefficient of the force against the thrust axis",
+    axial_table: CoefficientTable | None = added_later(
+        "in place of drag_table: coefficient of the force against the thrust axis"
     )
-    normal_table: CoefficientTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="beside axial_table: coefficient of the force across that axis per unit of "
-        "the sine of the angle of attack",
+    normal_table: CoefficientTable | None = added_later(
+        "beside axial_table: coefficient of the force across that axis per unit of "
+        "the sine of the angle of attack"
     )
-    power_off_table: CoefficientTable | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="drag or axial coefficient in coasts, with the drag of the base",
+    power_off_table: CoefficientTable | None = added_later(
+        "drag or axial coefficient in coasts, with the drag of the base"
     )
 
     @model_validator(mode="after")
@@ -237,27 +217,23 @@ class AreaPart(Part):
     model_config = ConfigDict(json_schema_extra=one_of(_CIRCLE, ("vertices_deg",)))
 
     name: Name = Field(description="unique; at most 80 characters")
-    latitude_deg: Latitude | None = Field(
-        default=None, description="of the centre of a circle, geodetic"
-    )
-    longitude_deg: Turn | None = Field(
-        default=None, description="of the centre of a circle, positive to the east"
-    )
-    radius_m: AreaRadius | None = Field(default=None, description="of a circle, over the ground")
-    vertices_deg: Vertices | None = Field(
-        default=None, description="corners of a polygon in turn, [latitude, longitude] each"
+    latitude_deg: Latitude | None = optional("of the centre of a circle, geodetic")
+    longitude_deg: Turn | None = optional("of the centre of a circle, positive to the east")
+    radius_m: AreaRadius | None = optional("of a circle, over the ground")
+    vertices_deg: Vertices | None = optional(
+        "corners of a polygon in turn, [latitude, longitude] each"
     )
 
     @model_validator(mode="after")
     def _one_form(self) -> "AreaPart":
-        given = [key for key in _CIRCLE if getattr(self, key) is not None]
-        if self.vertices_deg is not None and given:
-            fail((given[0],), getattr(self, given[0]), "no such key beside vertices_deg")
-        if self.vertices_deg is None:
-            for key in _CIRCLE:
-                if key not in given:
-                    others = "the centre and radius of a circle, or a list of vertices_deg"
-                    fail((key,), None, others if not given else "a number, for a circle")
+        if self.vertices_deg is not None:
+            self.refuse(_CIRCLE, "no such key beside vertices_deg")
+            return self
+        given = self.given(_CIRCLE)
+        for key in _CIRCLE:
+            if key not in given:
+                others = "the centre and radius of a circle, or a list of vertices_deg"
+                fail((key,), None, others if not given else "a number, for a circle")
         return self
 
 
@@ -295,23 +271,12 @@ class Stage(Part):
     model_config = ConfigDict(json_schema_extra=one_of(("arcs",), *BURN_FORMS))
 
     name: Name = Field(description="unique; at most 80 characters")
-    ignition_mass_kg: Mass | None = Field(
-        default=None,
-        description="this stage and everything above it, at the moment the stage begins",
+    ignition_mass_kg: Mass | None = optional(
+        "this stage and everything above it, at the moment the stage begins"
     )
-    dry_mass_kg: Mass | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="in place of ignition_mass_kg: of the empty stage alone",
-    )
-    propellant_kg: Mass | None = Field(
-        default=None, description="usable by the whole stage, shared by its burns"
-    )
-    residuals_kg: Load | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="beside dry_mass_kg: propellant that cannot be used",
-    )
+    dry_mass_kg: Mass | None = added_later("in place of ignition_mass_kg: of the empty stage alone")
+    propellant_kg: Mass | None = optional("usable by the whole stage, shared by its burns")
+    residuals_kg: Load | None = added_later("beside dry_mass_kg: propellant that cannot be used")
     arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = Field(
         default=None,
         description="burns and coasts in order",
@@ -322,23 +287,15 @@ class Stage(Part):
         exclude_if=lambda boosters: not boosters,
         description="what burns beside the first burn of the stage, and drops when it is empty",
     )
-    aerodynamics: AerodynamicsPart | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="of the vehicle while this stage is the lowest; default: that of the mission",
+    aerodynamics: AerodynamicsPart | None = added_later(
+        "of the vehicle while this stage is the lowest; default: that of the mission"
     )
-    ballistic_coefficient_kg_m2: BallisticCoefficient | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="of the stage as it falls: mass over drag coefficient times area",
+    ballistic_coefficient_kg_m2: BallisticCoefficient | None = added_later(
+        "of the stage as it falls: mass over drag coefficient times area"
     )
-    max_dynamic_pressure_pa: Pressure | None = Field(
-        default=None, exclude_if=not_there, description="greatest 0.5 rho V^2 of the stage"
-    )
-    max_q_alpha_pa_rad: Pressure | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="greatest dynamic pressure times sine of the angle of attack of the stage",
+    max_dynamic_pressure_pa: Pressure | None = added_later("greatest 0.5 rho V^2 of the stage")
+    max_q_alpha_pa_rad: Pressure | None = added_later(
+        "greatest dynamic pressure times sine of the angle of attack of the stage"
     )
     thrust_n: Thrust | None = _of_burn("thrust_n", None)
     isp_s: SpecificImpulse | None = _of_burn("isp_s", None)
@@ -443,6 +400,26 @@ class Stage(Part):
         return used
 
 
+class PlacedArc(NamedTuple):
+    """Hold an arc with its place in a mission.
+
+    Attributes:
+        i: index of its stage.
+        stage: its stage.
+        k: its index in the stage.
+        arc: itself.
+    """
+
+    i: int
+    stage: Stage
+    k: int
+    arc: BurnArc | CoastArc
+
+    def path(self, *keys: str | int) -> KeyPath:
+        """Return the key path of the arc in the mission, or of a key of it."""
+        return ("stages", self.i, *self.stage.arc_path(self.k, *keys))
+
+
 HeatingLimitHolds = Literal["at_jettison", "from_jettison"]
 
 
@@ -456,35 +433,25 @@ class Jettison(Part):
     name: Name = Field(description="unique; at most 80 characters")
     mass_kg: Mass = Field(description="what is dropped")
     stage: Name = Field(description="name of a stage: not before its first ignition")
-    heating_limit_w_m2: HeatingRate | None = Field(
-        default=None,
-        description="when free molecular heating, 0.5 rho V_rel^3, has fallen below this",
+    heating_limit_w_m2: HeatingRate | None = optional(
+        "when free molecular heating, 0.5 rho V_rel^3, has fallen below this"
     )
     heating_limit_holds: HeatingLimitHolds = Field(
         default="at_jettison", description="at the jettison, or from then until cut-off"
     )
-    time_s: MissionTime | None = Field(default=None, description="at this mission elapsed time")
-    time_after_ignition_s: Delay | None = Field(
-        default=None, description="so long after the stage's first ignition command"
+    time_s: MissionTime | None = optional("at this mission elapsed time")
+    time_after_ignition_s: Delay | None = optional(
+        "so long after the stage's first ignition command"
     )
-    ballistic_coefficient_kg_m2: BallisticCoefficient | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="of the part as it falls: mass over drag coefficient times area",
+    ballistic_coefficient_kg_m2: BallisticCoefficient | None = added_later(
+        "of the part as it falls: mass over drag coefficient times area"
     )
 
     @model_validator(mode="after")
     def _one_criterion(self) -> "Jettison":
         keys = ("heating_limit_w_m2", "time_s", "time_after_ignition_s")
-        given = [key for key in keys if getattr(self, key) is not None]
-        if not given:
-            fail((keys[0],), None, "one of heating_limit_w_m2, time_s, time_after_ignition_s")
-        if len(given) > 1:
-            fail((given[1],), getattr(self, given[1]), f"no such key beside {given[0]}")
+        if not self.take_one(keys):
+            fail((keys[0],), None, f"one of {', '.join(keys)}")
         if self.heating_limit_w_m2 is None and "heating_limit_holds" in self.model_fields_set:
-            fail(
-                ("heating_limit_holds",),
-                self.heating_limit_holds,
-                "no such key without heating_limit_w_m2",
-            )
+            self.refuse(("heating_limit_holds",), "no such key without heating_limit_w_m2")
         return self

@@ -65,27 +65,19 @@ def check_engines(mission: "Mission") -> None:
         PydanticCustomError: a value is out of bounds.
     """
     g0 = mission.environment.g0_m_s2
-    for i, stage in enumerate(mission.stages):
-        for k, arc in enumerate(stage.flight_arcs):
-            if not isinstance(arc, BurnArc):
-                continue
-            exhaust = arc.exhaust_velocity(g0)
-            key = "isp_s" if arc.mass_flow_table is None else "mass_flow_table"
-            if not EXHAUST_VELOCITY.low <= exhaust <= EXHAUST_VELOCITY.high:
-                fail(
-                    ("stages", i, *stage.arc_path(k, key)),
-                    getattr(arc, key),
-                    f"an exhaust velocity g0 Isp of {EXHAUST_VELOCITY} m/s; it is "
-                    f"{exhaust:.3g} m/s",
-                )
-            highest = MAX_ACCELERATION * mission.ignition_mass(i)
-            if arc.full_thrust_n > highest:
-                key = "thrust_n" if arc.thrust_table is None else "thrust_table"
-                fail(
-                    ("stages", i, *stage.arc_path(k, key)),
-                    arc.full_thrust_n,
-                    f"at most {highest:.6g} N, {MAX_ACCELERATION:,.0f} m/s2 at ignition",
-                )
+    for place in mission.walk:
+        arc = place.arc
+        if not isinstance(arc, BurnArc):
+            continue
+        exhaust = arc.exhaust_velocity(g0)
+        if not EXHAUST_VELOCITY.low <= exhaust <= EXHAUST_VELOCITY.high:
+            expected = f"an exhaust velocity g0 Isp of {EXHAUST_VELOCITY} m/s"
+            value = getattr(arc, arc.flow_key)
+            fail(place.path(arc.flow_key), value, f"{expected}; it is {exhaust:.3g} m/s")
+        highest = MAX_ACCELERATION * mission.ignition_mass(place.i)
+        if arc.full_thrust_n > highest:
+            expected = f"at most {highest:.6g} N, {MAX_ACCELERATION:,.0f} m/s2 at ignition"
+            fail(place.path(arc.thrust_key), arc.full_thrust_n, expected)
     last = mission.stages[-1]
     most = (1.0 - LEAST_DRY_SHARE) * mission.ignition_mass(len(mission.stages) - 1)
     if last.propellant_kg is not None and last.propellant_kg > most:
@@ -137,9 +129,8 @@ def check_lift_off(mission: "Mission") -> None:
         if table and table[knot][1] < max(force for _, force in table):
             expected += "; the thrust rises: hold_down_s of the initial_state holds the vehicle"
             fail((*where, "thrust_table", knot, 1), table[knot][1], f"{expected} until then")
-    key = "thrust_n" if arc.thrust_table is None else "thrust_table"
     remedy = "" if late else "; raise the thrust or lower the mass"
-    fail((*path, key), arc.full_thrust_n, expected + remedy)
+    fail((*path, arc.thrust_key), arc.full_thrust_n, expected + remedy)
 
 
 def longest_flight(mission: "Mission") -> float:
@@ -149,25 +140,21 @@ def longest_flight(mission: "Mission") -> float:
         PydanticCustomError: it is too long, or ends during the start of a free burn.
     """
     now = 0.0
-    for i, stage in enumerate(mission.stages):
-        for k, arc in enumerate(stage.flight_arcs):
-            path = ("stages", i, *stage.arc_path(k))
-            if isinstance(arc, BurnArc) and arc.free:
-                # the burns of a stage share its propellant: the last free one burns the rest
-                later = stage.flight_arcs[k + 1 :]
-                if not any(isinstance(other, BurnArc) and other.free for other in later):
-                    now += _longest_free_burn(mission, i, arc, path, now)
-                continue
-            if isinstance(arc, BurnArc):
-                now += _longest(arc)
-            else:
-                now += (arc.max_s or 0.0) if arc.free else arc.duration_s
-            if now > MAX_FLIGHT_S:
-                fail(
-                    (*path, "burn_time_s" if isinstance(arc, BurnArc) else "coast_s"),
-                    arc.duration_s,
-                    f"a flight of at most {MAX_FLIGHT_S:,.0f} s; it is {now:,.6g} s by then",
-                )
+    for place in mission.walk:
+        i, stage, k, arc = place
+        if isinstance(arc, BurnArc) and arc.free:
+            # the burns of a stage share its propellant: the last free one burns the rest
+            later = stage.flight_arcs[k + 1 :]
+            if not any(isinstance(other, BurnArc) and other.free for other in later):
+                now += _longest_free_burn(mission, i, arc, place.path(), now)
+            continue
+        if isinstance(arc, BurnArc):
+            now += _longest(arc)
+        else:
+            now += (arc.max_s or 0.0) if arc.free else arc.duration_s
+        if now > MAX_FLIGHT_S:
+            expected = f"a flight of at most {MAX_FLIGHT_S:,.0f} s; it is {now:,.6g} s by then"
+            fail(place.path(arc.LENGTH), arc.duration_s, expected)
     return now
 
 
@@ -225,16 +212,10 @@ def check_flight_time(mission: "Mission") -> None:
     end = mission.initial_state.time_s + longest_flight(mission)
     for k, jettison in enumerate(mission.jettisons):
         if jettison.time_s is not None and jettison.time_s > end:
-            fail(
-                ("jettisons", k, "time_s"),
-                jettison.time_s,
-                f"at most {format_number(end)} s, when all propellant is gone",
-            )
+            expected = f"at most {format_number(end)} s, when all propellant is gone"
+            fail(("jettisons", k, "time_s"), jettison.time_s, expected)
         after = jettison.time_after_ignition_s
         room = end - ignition[mission.stage_names.index(jettison.stage)]
         if after is not None and after > room:
-            fail(
-                ("jettisons", k, "time_after_ignition_s"),
-                after,
-                f"at most {format_number(room)} s, when all propellant is gone",
-            )
+            expected = f"at most {format_number(room)} s, when all propellant is gone"
+            fail(("jettisons", k, "time_after_ignition_s"), after, expected)

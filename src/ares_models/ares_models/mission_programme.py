@@ -22,6 +22,7 @@ from ares_models.mission_keys import (
     Turn,
     fail,
     one_of,
+    optional,
 )
 
 if TYPE_CHECKING:
@@ -42,29 +43,22 @@ class WhenPart(Part):
 
     model_config = ConfigDict(json_schema_extra=one_of(*((key,) for key in OVER)))
 
-    time_s: MissionTime | None = Field(default=None, description="at this mission elapsed time")
-    altitude_m: FloorAltitude | None = Field(
-        default=None, description="where this altitude is reached"
-    )
-    speed_m_s: Speed | None = Field(
-        default=None, description="where this speed in the air is reached"
-    )
+    time_s: MissionTime | None = optional("at this mission elapsed time")
+    altitude_m: FloorAltitude | None = optional("where this altitude is reached")
+    speed_m_s: Speed | None = optional("where this speed in the air is reached")
 
     @model_validator(mode="after")
     def _one_form(self) -> "WhenPart":
         keys = tuple(type(self).model_fields)
-        given = [key for key in keys if getattr(self, key) is not None]
-        if not given:
+        if not self.take_one(keys):
             fail((keys[0],), None, "one of " + ", ".join(keys))
-        if len(given) > 1:
-            fail((given[1],), getattr(self, given[1]), f"no such key beside {given[0]}")
         return self
 
     @property
     def by(self) -> tuple[str, float]:
         """Return what it goes by, a key of OVER, and its value; the time inf if none is given."""
-        found = [(key, getattr(self, key)) for key in OVER if getattr(self, key) is not None]
-        return found[0] if found else ("time_s", math.inf)
+        found = self.given(OVER)
+        return (found[0], getattr(self, found[0])) if found else ("time_s", math.inf)
 
 
 class UntilPart(WhenPart):
@@ -72,9 +66,7 @@ class UntilPart(WhenPart):
 
     model_config = ConfigDict(json_schema_extra=one_of(*((key,) for key in OVER), ("end_of",)))
 
-    end_of: Name | None = Field(
-        default=None, description="name of a stage, a burn or a coast that it ends with"
-    )
+    end_of: Name | None = optional("name of a stage, a burn or a coast that it ends with")
 
 
 class ProgrammePart(Part):
@@ -84,14 +76,12 @@ class ProgrammePart(Part):
         json_schema_extra=one_of(("over", "table"), ("kick", "kick_deg", "azimuth_deg"))
     )
 
-    over: Literal["time_s", "altitude_m", "speed_m_s"] | None = Field(
-        default=None,
-        description="what the table goes by: mission elapsed time, altitude, or speed in the air",
+    over: Literal["time_s", "altitude_m", "speed_m_s"] | None = optional(
+        "what the table goes by: mission elapsed time, altitude, or speed in the air"
     )
-    table: AttitudeTable | None = Field(
-        default=None,
-        description="of the thrust, knots [time, altitude or speed, pitch above the horizon in "
-        "deg, azimuth from north to east in deg]; straight between them, constant beyond both ends",
+    table: AttitudeTable | None = optional(
+        "of the thrust, knots [time, altitude or speed, pitch above the horizon in "
+        "deg, azimuth from north to east in deg]; straight between them, constant beyond both ends"
     )
     horizon: Literal["local", "launch"] = Field(
         default="local",
@@ -103,18 +93,14 @@ class ProgrammePart(Part):
         description="from the last knot on: its angles, or along the velocity in the air once "
         "that is no steeper",
     )
-    kick: WhenPart | None = Field(
-        default=None,
-        description="in place of over and table: vertical until then, then off it, then along the "
-        "velocity in the air",
+    kick: WhenPart | None = optional(
+        "in place of over and table: vertical until then, then off it, then along the "
+        "velocity in the air"
     )
-    kick_deg: Kick | None = Field(
-        default=None, description="off the vertical until the velocity is so too"
-    )
-    azimuth_deg: Turn | None = Field(default=None, description="of the kick, from north to east")
-    until: UntilPart | None = Field(
-        default=None,
-        description="its end, after which guidance takes over; default: none, no law guides",
+    kick_deg: Kick | None = optional("off the vertical until the velocity is so too")
+    azimuth_deg: Turn | None = optional("of the kick, from north to east")
+    until: UntilPart | None = optional(
+        "its end, after which guidance takes over; default: none, no law guides"
     )
 
     @model_validator(mode="after")
@@ -127,9 +113,8 @@ class ProgrammePart(Part):
             instead = ", or a kick in its place" if self.table is None else ""
         else:
             needed, others = turn, (*table, "horizon", "beyond")
-        for key in others:
-            if key in self.model_fields_set and getattr(self, key) is not None:
-                fail((key,), getattr(self, key), f"no such key beside {needed[-1]}")
+        named = [key for key in others if key in self.model_fields_set]
+        self.refuse(named, f"no such key beside {needed[-1]}")
         for key in reversed(needed):
             if getattr(self, key) is None:
                 fail((key,), None, _NEEDED[key] + instead)
@@ -161,12 +146,10 @@ def check_programme(mission: "Mission") -> None:
         return
     until = mission.programme.until
     if until is None:
-        for i, stage in enumerate(mission.stages):
-            for k, arc in enumerate(stage.flight_arcs):
-                if arc.free:
-                    key = "burn_time_s" if isinstance(arc, BurnArc) else "coast_s"
-                    path = ("stages", i, *stage.arc_path(k, key))
-                    fail(path, "free", "a time in s, because programme has no until")
+        for place in mission.walk:
+            if place.arc.free:
+                expected = "a time in s, because programme has no until"
+                fail(place.path(place.arc.LENGTH), "free", expected)
         return
     begin = mission.initial_state.time_s
     if until.time_s is not None and until.time_s <= begin:

@@ -27,9 +27,9 @@ from ares_models.mission_keys import (
     Speed,
     Turn,
     VelocityComponent,
+    added_later,
     by_keys,
     fail,
-    not_there,
 )
 from ares_models.orbits import Elements
 from ares_models.ranges import Range
@@ -180,21 +180,17 @@ class StateOnPad(InitialStatePart):
     geodetic_latitude_deg: Latitude = Field(description="of the normal of the ellipsoid")
     longitude_deg: Turn = Field(description="from longitude zero, positive to the east")
     altitude_m: StartAltitude = Field(description="above the ellipsoid")
-    hold_down_s: Delay | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="from ignition until the pad releases the vehicle, which is at time_s",
+    hold_down_s: Delay | None = added_later(
+        "from ignition until the pad releases the vehicle, which is at time_s"
     )
-    rail: Rail | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="that guides the vehicle, from rest at ignition to its end at time_s",
+    rail: Rail | None = added_later(
+        "that guides the vehicle, from rest at ignition to its end at time_s"
     )
 
     @model_validator(mode="after")
     def _one_release(self) -> "StateOnPad":
-        if self.rail is not None and self.hold_down_s is not None:
-            fail(("hold_down_s",), self.hold_down_s, "none, with a rail")
+        if self.rail is not None:
+            self.refuse(("hold_down_s",), "none, with a rail")
         return self
 
     @property

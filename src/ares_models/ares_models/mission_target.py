@@ -24,9 +24,10 @@ from ares_models.mission_keys import (
     Radius,
     Speed,
     Turn,
+    added_later,
     by_keys,
     fail,
-    not_there,
+    optional,
 )
 from ares_models.ranges import Range
 from ares_models.sidereal import (
@@ -56,28 +57,22 @@ _NODES = ("ascending_node_deg", "raan_deg", "local_time_of_node_h")
 class _TargetPlane(Part):
     """Hold the ascending node of a target in one of three forms, or free."""
 
-    raan_deg: Turn | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="in place of ascending_node_deg: from the mean equinox of the epoch",
+    raan_deg: Turn | None = added_later(
+        "in place of ascending_node_deg: from the mean equinox of the epoch"
     )
-    local_time_of_node_h: LocalTime | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="in place of ascending_node_deg: mean solar time there at the epoch",
+    local_time_of_node_h: LocalTime | None = added_later(
+        "in place of ascending_node_deg: mean solar time there at the epoch"
     )
 
     @model_validator(mode="after")
     def _one_node(self) -> "_TargetPlane":
-        given = [key for key in _NODES if getattr(self, key) is not None]
-        if len(given) > 1:
-            fail((given[1],), getattr(self, given[1]), f"no such key beside {given[0]}")
+        self.take_one(_NODES)
         return self
 
     @property
     def node_key(self) -> str | None:
         """Return the key of the file that gives the node."""
-        return next((key for key in _NODES if getattr(self, key) is not None), None)
+        return next(iter(self.given(_NODES)), None)
 
     def node_deg(self, mission: "Mission") -> float | None:
         """Return the ascending node from the inertial x axis, deg; None if free."""
@@ -130,17 +125,14 @@ class TargetState(_TargetPlane):
     speed_m_s: Speed = Field(description="inertial")
     flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
     inclination_deg: Inclination = Field(description="to the equator")
-    ascending_node_deg: Turn | None = Field(default=None, description="if the plane is fixed")
+    ascending_node_deg: Turn | None = optional("if the plane is fixed")
 
     def check(self, mission: "Mission") -> None:
         """Report a radius below the surface, or a speed far from an orbital one."""
         surface = mission.environment.earth.equatorial_radius_m
         if self.radius_m <= surface:
-            fail(
-                ("target", "radius_m"),
-                self.radius_m,
-                f"more than the Earth's radius, {surface:,.0f} m",
-            )
+            expected = f"more than the Earth's radius, {surface:,.0f} m"
+            fail(("target", "radius_m"), self.radius_m, expected)
         escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / self.radius_m)
         if not 0.1 * escape <= self.speed_m_s < escape:
             fail(
@@ -196,43 +188,23 @@ _NAMES_STATE = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PA
 class TargetOrbit(_TargetPlane):
     """Hold a target by orbital elements, each given or free."""
 
-    perigee_radius_m: Radius | None = Field(default=None, description="from the centre")
-    perigee_altitude_m: Altitude | None = Field(
-        default=None, description="above the equatorial radius"
+    perigee_radius_m: Radius | None = optional("from the centre")
+    perigee_altitude_m: Altitude | None = optional("above the equatorial radius")
+    apogee_radius_m: Radius | None = optional("from the centre")
+    apogee_altitude_m: Altitude | None = optional("above the equatorial radius")
+    semi_major_axis_m: AnySemiMajorAxis | None = optional("negative for a hyperbola")
+    eccentricity: AnyEccentricity | None = optional("beside another of size and shape")
+    c3_m2_s2: CharacteristicEnergy | None = optional("twice the energy: 0 or more escapes")
+    inclination_deg: Inclination | None = optional("to the equator")
+    ascending_node_deg: Turn | None = optional("from the inertial x axis")
+    argument_of_perigee_deg: Turn | None = optional("from the node")
+    argument_of_latitude_deg: Turn | None = added_later(
+        "from the node to the cut-off; the argument of perigee or the anomaly follows"
     )
-    apogee_radius_m: Radius | None = Field(default=None, description="from the centre")
-    apogee_altitude_m: Altitude | None = Field(
-        default=None, description="above the equatorial radius"
-    )
-    semi_major_axis_m: AnySemiMajorAxis | None = Field(
-        default=None, description="negative for a hyperbola"
-    )
-    eccentricity: AnyEccentricity | None = Field(
-        default=None, description="beside another of size and shape"
-    )
-    c3_m2_s2: CharacteristicEnergy | None = Field(
-        default=None, description="twice the energy: 0 or more escapes"
-    )
-    inclination_deg: Inclination | None = Field(default=None, description="to the equator")
-    ascending_node_deg: Turn | None = Field(default=None, description="from the inertial x axis")
-    argument_of_perigee_deg: Turn | None = Field(default=None, description="from the node")
-    argument_of_latitude_deg: Turn | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="from the node to the cut-off; the argument of perigee or the anomaly follows",
-    )
-    dla_deg: Latitude | None = Field(
-        default=None, exclude_if=not_there, description="declination of the outgoing asymptote"
-    )
-    rla_deg: Turn | None = Field(
-        default=None,
-        exclude_if=not_there,
-        description="its right ascension, from the mean equinox of the epoch",
-    )
-    at: Literal["perigee", "apogee"] | None = Field(default=None, description="where on it")
-    true_anomaly_deg: Turn | None = Field(
-        default=None, description="the same as an angle from perigee"
-    )
+    dla_deg: Latitude | None = added_later("declination of the outgoing asymptote")
+    rla_deg: Turn | None = added_later("its right ascension, from the mean equinox of the epoch")
+    at: Literal["perigee", "apogee"] | None = optional("where on it")
+    true_anomaly_deg: Turn | None = optional("the same as an angle from perigee")
 
     def key_of(self, element: str) -> str:
         """Return the key of the file that gives an element."""
@@ -261,8 +233,7 @@ class TargetOrbit(_TargetPlane):
             ("semi_major_axis_m", "c3_m2_s2"),
             ("at", "true_anomaly_deg"),
         ):
-            if len(self._given((one, other))) == 2:
-                fail((other,), getattr(self, other), f"no such key beside {one}")
+            self.take_one((one, other))
         sizes = [self.key_of(size) for size in self._given(_SIZES)]
         if not set(sizes) - {"eccentricity"}:
             fail(
@@ -297,13 +268,12 @@ class TargetOrbit(_TargetPlane):
             escape = "eccentricity"
         if escape is None:
             return
-        apogee = self._given(("apogee_radius_m", "apogee_altitude_m"))
-        for key in (*apogee, *(("at",) if self.at == "apogee" else ())):
-            fail((key,), getattr(self, key), f"no apogee, because {escape} is that of an escape")
+        apogee = ("apogee_radius_m", "apogee_altitude_m", *(("at",) if self.at == "apogee" else ()))
+        self.refuse(apogee, f"no apogee, because {escape} is that of an escape")
 
     def _check_asymptote(self) -> None:
         """Report an incomplete asymptote, or one that contradicts the other elements."""
-        given = [key for key in ("dla_deg", "rla_deg") if getattr(self, key) is not None]
+        given = self.given(("dla_deg", "rla_deg"))
         if not given:
             return
         because = "because dla_deg and rla_deg give the node and the argument of perigee"
@@ -316,9 +286,8 @@ class TargetOrbit(_TargetPlane):
             fail(("perigee_altitude_m",), None, f"a number in m, {because}")
         if self.inclination_deg is None:
             fail(("inclination_deg",), None, f"a number in deg, {because}")
-        for element in ("ascending_node_deg", "argument_of_perigee_deg"):
-            for key in map(self.key_of, self._given((element,))):
-                fail((key,), getattr(self, key), "no such key beside dla_deg and rla_deg")
+        angles = (self.key_of("ascending_node_deg"), "argument_of_perigee_deg")
+        self.refuse(angles, "no such key beside dla_deg and rla_deg")
         assert self.dla_deg is not None
         tilt = min(self.inclination_deg, 180.0 - self.inclination_deg)
         if tilt <= abs(self.dla_deg):
@@ -350,8 +319,7 @@ class TargetOrbit(_TargetPlane):
             return
         if math.sin(math.radians(self.inclination_deg)) < _FLAT:
             named = ("ascending_node_deg", "argument_of_perigee_deg", "argument_of_latitude_deg")
-            for key in map(self.key_of, self._given(named)):
-                fail((key,), getattr(self, key), "no such key, the orbit lies in the equator")
+            self.refuse(map(self.key_of, named), "no such key, the orbit lies in the equator")
 
     def node_deg(self, mission: "Mission") -> float | None:
         """Return the ascending node from the inertial x axis, deg; None if free."""
@@ -445,17 +413,11 @@ class TargetOrbit(_TargetPlane):
         if conic.apogee < conic.perigee - CIRCLE_M:
             fail(("target", last), getattr(self, last), "an apogee that is not below the perigee")
         if len(sizes) == 2 and not conic.perigee > ground:
-            fail(
-                ("target", last),
-                getattr(self, last),
-                f"a perigee {above}; it is {conic.perigee:,.0f} m",
-            )
+            expected = f"a perigee {above}; it is {conic.perigee:,.0f} m"
+            fail(("target", last), getattr(self, last), expected)
         if conic.eccentricity > _FASTEST:
-            fail(
-                ("target", last),
-                getattr(self, last),
-                "an escape that is slower at its perigee than twice the escape speed",
-            )
+            expected = "an escape that is slower at its perigee than twice the escape speed"
+            fail(("target", last), getattr(self, last), expected)
         if len(sizes) == 1 and conic.c3 < -mu / ground:
             fail(("target", last), getattr(self, last), f"a semi-major axis {above}")
         self._check_place(mission, conic)
@@ -464,8 +426,8 @@ class TargetOrbit(_TargetPlane):
         """Report angles from the perigee of a circle, and anomalies beyond the asymptotes."""
         places = ("argument_of_latitude_deg", "true_anomaly_deg", "at")
         if self.circular(mission):
-            for key in self._given((*places, "argument_of_perigee_deg")):
-                fail(("target", key), getattr(self, key), "no such key, the orbit is a circle")
+            angles = (*places, "argument_of_perigee_deg")
+            self.refuse(angles, "no such key, the orbit is a circle", ("target",))
         _, anomaly = self._perigee_and_anomaly(mission)
         if anomaly is None:
             return

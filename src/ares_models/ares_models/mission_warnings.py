@@ -284,14 +284,12 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
             continue
         acceleration = burn.full_thrust_n / mass
         exhaust = burn.exhaust_velocity(g0)
-        thrust_key = "thrust_n" if burn.thrust_table is None else "thrust_table"
-        isp_key = "isp_s" if burn.mass_flow_table is None else "mass_flow_table"
         chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
         if not chemical and acceleration > CHEMICAL_ACCELERATION:
-            yield Doubt((*path, *stage.arc_path(k, isp_key)), _no_isp(exhaust, g0))
+            yield Doubt((*path, *stage.arc_path(k, burn.flow_key)), _no_isp(exhaust, g0))
         if acceleration > FIERCEST:
             yield Doubt(
-                (*path, *stage.arc_path(k, thrust_key)),
+                (*path, *stage.arc_path(k, burn.thrust_key)),
                 f"makes {acceleration:,.0f} m/s2 at ignition; is it in N, the mass in kg?",
             )
         most = burn.max_acceleration_m_s2
@@ -303,7 +301,7 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
         burning = mission.propellant(i) / burn.mass_flow(g0)
         if chemical and burn.free and burning > LONGEST_BURN:
             yield Doubt(
-                (*path, *stage.arc_path(k, thrust_key)),
+                (*path, *stage.arc_path(k, burn.thrust_key)),
                 f"burns the stage's propellant in {burning / 86_400.0:,.1f} days; is it in N?",
             )
     dry, propellant = stage.dry_mass_kg, stage.propellant_kg
@@ -428,13 +426,8 @@ def _plane_from_pad(mission: "Mission") -> Iterator[Doubt]:
 def _turns_high_up(mission: "Mission") -> bool:
     """Return true if a burn after a free coast can turn the plane at a high apogee, for little."""
     target = mission.target
-    coasts = [
-        arc
-        for stage in mission.stages
-        for arc in stage.flight_arcs
-        if isinstance(arc, CoastArc) and arc.free
-    ]
-    if not coasts or not isinstance(target, TargetOrbit):
+    coasts = [arc for *_, arc in mission.walk if isinstance(arc, CoastArc)]
+    if not any(coast.free for coast in coasts) or not isinstance(target, TargetOrbit):
         return False
     high = LOW * mission.environment.earth.equatorial_radius_m
     return target.conic(mission).apogee >= high

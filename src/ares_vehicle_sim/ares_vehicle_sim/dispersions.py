@@ -12,27 +12,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    ValidationError,
-    model_validator,
-)
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from ares_models.input_file import (
-    InputError,
-    InputKind,
-    KeyPath,
-    by_cause,
-    explain,
-    format_number,
-    parse_input,
-    read_text,
+from ares_models.input_file import InputError, InputKind, KeyPath, format_number, read_text
+from ares_models.input_model import parse_model
+from ares_models.mission_keys import (
+    Latitude,
+    Moment,
+    Part,
+    Turn,
+    WindTable,
+    check_rising,
+    fail,
+    optional,
 )
-from ares_models.mission_keys import Latitude, Moment, Part, Turn, WindTable, check_rising, fail
 from ares_models.mission_parts import MIN_WIND_STEP_M
 from ares_models.ranges import Range
 
@@ -221,19 +216,24 @@ Number = Annotated[float, Range(-1e12, 1e12)]
 Row = tuple[Number, Number, Number, Number, Number, Number]
 
 
+def spread_key(description: str) -> Any:
+    """Describe the key of a spread, which may be left out."""
+    return Field(default=NOTHING, description=description)
+
+
 class NavigationErrors(Part):
     """Hold the errors of the navigation state, per axis for a vector.
 
     Biases and scales are drawn once per flight; noise is one sigma, drawn at every state.
     """
 
-    position_bias_m: Lengths = Field(default=NOTHING, description="drawn once a flight")
+    position_bias_m: Lengths = spread_key("drawn once a flight")
     position_noise_m: LengthNoise = Field(default=0.0, description="one sigma, new at every state")
-    velocity_bias_m_s: Speeds = Field(default=NOTHING, description="drawn once a flight")
+    velocity_bias_m_s: Speeds = spread_key("drawn once a flight")
     velocity_noise_m_s: SpeedNoise = Field(default=0.0, description="one sigma, new at every state")
-    sensed_delta_v_scale: Fractions3 = Field(default=NOTHING, description="spread of a fraction")
-    mass_scale: Fraction = Field(default=NOTHING, description="spread of a fraction")
-    heating_scale: Fraction = Field(default=NOTHING, description="spread of a fraction")
+    sensed_delta_v_scale: Fractions3 = spread_key("spread of a fraction")
+    mass_scale: Fraction = spread_key("spread of a fraction")
+    heating_scale: Fraction = spread_key("spread of a fraction")
     heating_noise: SmallSigma = Field(
         default=0.0, description="one sigma of a fraction, new at every state"
     )
@@ -245,9 +245,7 @@ class Nrlmsis(Part):
     first_date: Moment = Field(description="the date is even between them")
     last_date: Moment = Field(description="the date is even between them")
     f107a: SolarFlux = Field(description="spread of the 81-day mean of the solar flux")
-    f107_deviation: SolarFlux = Field(
-        default=NOTHING, description="spread of the day's flux from it"
-    )
+    f107_deviation: SolarFlux = spread_key("spread of the day's flux from it")
     ap: GeomagneticIndex = Field(description="spread of the geomagnetic index")
     latitude_deg: Latitude = Field(description="of the place")
     longitude_deg: Turn = Field(description="of the place")
@@ -259,20 +257,25 @@ class Nrlmsis(Part):
         return self
 
 
-class Winds(Part):
-    """Hold winds that are added to the mission's, normal in each component."""
+class _WindKnots(Part):
+    """Hold a wind by altitude."""
 
     table: WindTable = Field(
         description="knots [metres of altitude, metres per second to the east, to the north]"
     )
+
+    @model_validator(mode="after")
+    def _rising(self) -> "_WindKnots":
+        check_rising("table", self.table, MIN_WIND_STEP_M, "an altitude")
+        return self
+
+
+class Winds(_WindKnots):
+    """Hold winds that are added to the mission's, normal in each component."""
+
     factor: Factors2 = Field(
         default=(Spread(size=1.0),), description="by which the east and the north column are taken"
     )
-
-    @model_validator(mode="after")
-    def _rising(self) -> "Winds":
-        check_rising("table", self.table, MIN_WIND_STEP_M, "an altitude")
-        return self
 
 
 class Gust(Part):
@@ -281,23 +284,13 @@ class Gust(Part):
     amplitude_m_s: GustSpeed = Field(description="spread of its greatest speed")
     altitude_m: GustAltitude = Field(description="spread of the altitude of its middle")
     length_m: GustLength = Field(description="spread of the climb from its begin to its end")
-    azimuth_deg: Azimuth = Field(
-        default=NOTHING, description="spread of where it blows to, north to east"
-    )
+    azimuth_deg: Azimuth = spread_key("spread of where it blows to, north to east")
 
 
-class Turbulence(Part):
+class Turbulence(_WindKnots):
     """Hold Dryden turbulence of the horizontal wind, drawn anew for each flight."""
 
-    table: WindTable = Field(
-        description="knots [metres of altitude, metres per second to the east, to the north]"
-    )
     scale_m: TurbulenceScale = Field(default=533.4, description="scale of length of the turbulence")
-
-    @model_validator(mode="after")
-    def _rising(self) -> "Turbulence":
-        check_rising("table", self.table, MIN_WIND_STEP_M, "an altitude")
-        return self
 
 
 class Dispersions(Part):
@@ -312,55 +305,33 @@ class Dispersions(Part):
     initial_frame: Literal["eci", "local"] = Field(
         default="eci", description="x, y, z; or up, downrange, crossrange of the nominal state"
     )
-    initial_position_m: Lengths = Field(
-        default=NOTHING, description="what is added to the initial state"
+    initial_position_m: Lengths = spread_key("what is added to the initial state")
+    initial_velocity_m_s: Speeds = spread_key("what is added to the initial state")
+    initial_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = optional(
+        "instead of the two: 6 rows of 6 numbers, m and m/s"
     )
-    initial_velocity_m_s: Speeds = Field(
-        default=NOTHING, description="what is added to the initial state"
+    thrust: Fractions = spread_key("fraction; mass flow follows")
+    specific_impulse: Fractions = spread_key("fraction; mass flow follows")
+    stage_mass: Fractions = spread_key("fraction of a stage's own mass, without what it jettisons")
+    propellant: Fractions = spread_key("fraction of the usable propellant; the stack weighs it")
+    jettison_mass: Fractions = spread_key("fraction; the stack weighs it")
+    jettison_limit: Fractions = spread_key(
+        "fraction by which the true heating limit lies above the mission's"
     )
-    initial_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = Field(
-        default=None, description="instead of the two: 6 rows of 6 numbers, m and m/s"
+    log_density: LogFactor = spread_key("logarithm of a factor on the density")
+    nrlmsis: Nrlmsis | None = optional(
+        "the true atmosphere is NRLMSIS 2.1 instead of the mission's"
     )
-    thrust: Fractions = Field(default=NOTHING, description="fraction; mass flow follows")
-    specific_impulse: Fractions = Field(default=NOTHING, description="fraction; mass flow follows")
-    stage_mass: Fractions = Field(
-        default=NOTHING, description="fraction of a stage's own mass, without what it jettisons"
+    wind: Winds | None = optional("winds that are added to the mission's")
+    gust: Gust | None = optional("one gust a flight")
+    turbulence: Turbulence | None = optional("turbulence of the horizontal wind")
+    start_delay_s: Times = spread_key("from ignition command to the first knot of the start")
+    start_scale: Fractions = spread_key("fraction by which the start takes longer")
+    latency_s: Time = spread_key(
+        "from a navigation state until the command that answers it is in force"
     )
-    propellant: Fractions = Field(
-        default=NOTHING, description="fraction of the usable propellant; the stack weighs it"
-    )
-    jettison_mass: Fractions = Field(default=NOTHING, description="fraction; the stack weighs it")
-    jettison_limit: Fractions = Field(
-        default=NOTHING,
-        description="fraction by which the true heating limit lies above the mission's",
-    )
-    log_density: LogFactor = Field(
-        default=NOTHING, description="logarithm of a factor on the density"
-    )
-    nrlmsis: Nrlmsis | None = Field(
-        default=None, description="the true atmosphere is NRLMSIS 2.1 instead of the mission's"
-    )
-    wind: Winds | None = Field(default=None, description="winds that are added to the mission's")
-    gust: Gust | None = Field(default=None, description="one gust a flight")
-    turbulence: Turbulence | None = Field(
-        default=None, description="turbulence of the horizontal wind"
-    )
-    start_delay_s: Times = Field(
-        default=NOTHING, description="from ignition command to the first knot of the start"
-    )
-    start_scale: Fractions = Field(
-        default=NOTHING, description="fraction by which the start takes longer"
-    )
-    latency_s: Time = Field(
-        default=NOTHING,
-        description="from a navigation state until the command that answers it is in force",
-    )
-    ballistic_coefficient: Uncertain = Field(
-        default=NOTHING, description="fraction, of what is dropped as it falls"
-    )
-    j2: Oblateness | None = Field(
-        default=None, description="J2 of the true gravity; guidance keeps the mission's"
-    )
+    ballistic_coefficient: Uncertain = spread_key("fraction, of what is dropped as it falls")
+    j2: Oblateness | None = optional("J2 of the true gravity; guidance keeps the mission's")
     navigation: NavigationErrors = Field(
         default=NavigationErrors(), description="errors of what navigation reports"
     )
@@ -409,17 +380,6 @@ class Dispersions(Part):
         return root
 
 
-def _siblings(location: KeyPath) -> list[str]:
-    parts: dict[Any, type[Part]] = {
-        "navigation": NavigationErrors,
-        "nrlmsis": Nrlmsis,
-        "wind": Winds,
-        "gust": Gust,
-        "turbulence": Turbulence,
-    }
-    return list(parts.get(location[0] if len(location) > 1 else "", Dispersions).model_fields)
-
-
 def load_dispersions(name_or_path: str | Path, mission: "Mission | None" = None) -> Dispersions:
     """Read a dispersions file.
 
@@ -447,9 +407,4 @@ def read_dispersions(
         name_or_path = STANDARD_PAD
     path = DISPERSIONS.find(name_or_path)
     text = read_text(path, DISPERSIONS)
-    data, lines = parse_input(text, str(path), DISPERSIONS)
-    try:
-        return Dispersions.model_validate(data), text
-    except ValidationError as error:
-        problems = [explain(item, lines, _siblings) for item in by_cause(error.errors())]
-        raise DispersionsError(str(path), problems) from None
+    return parse_model(text, str(path), DISPERSIONS, Dispersions), text
