@@ -11,17 +11,9 @@ from dataclasses import dataclass, field
 from struct import pack
 from typing import Any
 
+from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Metadata,
-    MetadataIndex,
-    Statistics,
-    SummaryOffset,
-)
 from mcap.writer import MCAP0_MAGIC
 
 from ares_bags.contents import Contents
@@ -37,25 +29,27 @@ class ChunkEntry:
         counts: number of its messages by channel.
     """
 
-    index: ChunkIndex
+    index: mcap.ChunkIndex
     counts: dict[int, int] = field(default_factory=dict)
 
 
-def _group(builder: RecordBuilder, opcode: Opcode, records: list[Any], base: int) -> SummaryOffset:
+def _group(
+    builder: RecordBuilder, opcode: Opcode, records: list[Any], base: int
+) -> mcap.SummaryOffset:
     begin = builder.count
     for record in records:
         record.write(builder)
-    return SummaryOffset(
+    return mcap.SummaryOffset(
         group_opcode=opcode, group_start=base + begin, group_length=builder.count - begin
     )
 
 
-def _statistics(contents: Contents, chunks: Sequence[ChunkEntry], metadata: int) -> Statistics:
+def _statistics(contents: Contents, chunks: Sequence[ChunkEntry], metadata: int) -> mcap.Statistics:
     """Return the statistics of a file with so many metadata records."""
     counts: Counter[int] = Counter()
     for chunk in chunks:
         counts.update(chunk.counts)
-    return Statistics(
+    return mcap.Statistics(
         attachment_count=0,
         channel_count=len(contents.channels),
         channel_message_counts=dict(counts),
@@ -72,7 +66,7 @@ def ending(
     begin: int,
     contents: Contents,
     chunks: Sequence[ChunkEntry],
-    metadata: Sequence[MetadataIndex],
+    metadata: Sequence[mcap.MetadataIndex],
     data: Mapping[str, str],
     checksum: int,
 ) -> bytes:
@@ -87,10 +81,10 @@ def ending(
         checksum: CRC-32 of all bytes before `begin`.
     """
     builder = RecordBuilder()
-    Metadata(name=RECORD_NAME, metadata=dict(data)).write(builder)
-    metadata = [*metadata, MetadataIndex(begin, builder.count, RECORD_NAME)]
+    mcap.Metadata(name=RECORD_NAME, metadata=dict(data)).write(builder)
+    metadata = [*metadata, mcap.MetadataIndex(begin, builder.count, RECORD_NAME)]
     before = builder.end()
-    DataEnd(data_section_crc=zlib.crc32(before, checksum)).write(builder)
+    mcap.DataEnd(data_section_crc=zlib.crc32(before, checksum)).write(builder)
     before += builder.end()
 
     base = begin + len(before)
@@ -111,7 +105,7 @@ def ending(
     summary = builder.end()
     # the checksum covers the summary and the footer up to the checksum itself
     footer_head = pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, base, offsets_begin)
-    Footer(
+    mcap.Footer(
         summary_start=base,
         summary_offset_start=offsets_begin,
         summary_crc=zlib.crc32(footer_head, zlib.crc32(summary)),

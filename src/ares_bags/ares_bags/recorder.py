@@ -38,32 +38,23 @@ from ares_bags.writer import (
     BagWriter,
 )
 from ares_msgs.msg import FlightMember
+from ares_node import qos
 from ares_node.diagnostics import Level, of_another_flight
 from ares_node.heartbeat import is_heartbeat
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
-from ares_node.qos import (
-    DIAGNOSTICS,
-    FLIGHT_EVENT,
-    GUIDANCE_STATUS,
-    NAV_STATE,
-    RECORDER,
-    RECORDER_EVENTS,
-    THRUST_COMMAND,
-    VEHICLE_STATE,
-)
 from ares_node.states import Unreadable, message_of
 
 #: Types of the topics that the parameter `topics` may name without their type.
 TYPES = {
-    NAV_STATE: "ares_msgs/msg/NavState",
-    VEHICLE_STATE: "ares_msgs/msg/VehicleState",
-    THRUST_COMMAND: "ares_msgs/msg/ThrustCommand",
-    GUIDANCE_STATUS: "ares_msgs/msg/GuidanceStatus",
-    FLIGHT_EVENT: "ares_msgs/msg/FlightEvent",
-    DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
+    qos.NAV_STATE: "ares_msgs/msg/NavState",
+    qos.VEHICLE_STATE: "ares_msgs/msg/VehicleState",
+    qos.THRUST_COMMAND: "ares_msgs/msg/ThrustCommand",
+    qos.GUIDANCE_STATUS: "ares_msgs/msg/GuidanceStatus",
+    qos.FLIGHT_EVENT: "ares_msgs/msg/FlightEvent",
+    qos.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
 }
 
 #: Wall time in s without a message after which the queues count as empty.
@@ -73,7 +64,7 @@ DRAIN_LIMIT = 5.0
 #: Wall time in s after the flight for guidance to announce the number of statuses it has sent.
 LAST_WORD_TIME = 1.0
 #: Topics whose sequence numbers have no gaps.
-NUMBERED = (NAV_STATE, VEHICLE_STATE)
+NUMBERED = (qos.NAV_STATE, qos.VEHICLE_STATE)
 
 PARAMETERS = (
     Parameter("bag", "", "Folder of the new bag; it must not exist."),
@@ -185,9 +176,11 @@ class RecorderNode(FlightNode):
                 "and configure"
             )
         for name, (type_name, kind) in self._types.items():
-            qos = RECORDER_EVENTS if name == FLIGHT_EVENT else RECORDER
+            requested = qos.RECORDER_EVENTS if name == qos.FLIGHT_EVENT else qos.RECORDER
             full_name = self.resolve_topic_name(name)
-            record = partial(self._record, full_name, type_name, qos, self._filter(name, kind))
+            record = partial(
+                self._record, full_name, type_name, requested, self._filter(name, kind)
+            )
             # gaps in sequence numbers are a better measure of loss than the middleware's events
             lost = None if name in NUMBERED else self._on_lost
             self._inputs.append(
@@ -195,7 +188,7 @@ class RecorderNode(FlightNode):
                     kind,
                     name,
                     record,
-                    qos,
+                    requested,
                     raw=True,
                     event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
                 )
@@ -329,22 +322,26 @@ class RecorderNode(FlightNode):
             return 0
         # the last state of the truth is the end of the flight, which has no navigation state
         last = int(simulator.last_sequence)
-        sent = {NAV_STATE: last, VEHICLE_STATE: last + 1}
+        sent = {qos.NAV_STATE: last, qos.VEHICLE_STATE: last + 1}
         states = sum(sent[name] - next_one for name, next_one in self._expected.items())
-        if guidance is None or guidance.state != State.OVER or GUIDANCE_STATUS not in self._types:
+        if (
+            guidance is None
+            or guidance.state != State.OVER
+            or qos.GUIDANCE_STATUS not in self._types
+        ):
             return states
         return states + int(guidance.last_sequence) - self._statuses[int(guidance.member_id)]
 
     def _filter(self, name: str, kind: Any) -> Callable[[bytes], bool]:
         """Return a predicate for this flight's messages on a topic; it counts the numbered ones."""
-        if name == DIAGNOSTICS:
+        if name == qos.DIAGNOSTICS:
             return self._is_our_report
         if not names_its_flight(kind):
             return lambda _data: True
         if name in NUMBERED:
             self._expected[name] = 0
             return partial(self._is_our_state, name)
-        if name == GUIDANCE_STATUS:
+        if name == qos.GUIDANCE_STATUS:
             return self._is_our_status
         return lambda data: self._is_ours(flight_of_cdr(data)[0])
 
@@ -391,7 +388,7 @@ class RecorderNode(FlightNode):
         is_ours: Callable[[bytes], bool],
         data: bytes,
     ) -> None:
-        if not self._membership.flight_id and requested is RECORDER_EVENTS:
+        if not self._membership.flight_id and requested is qos.RECORDER_EVENTS:
             # a late reader also gets events of an earlier flight, which must not be joined
             arguments = (name, type_name, requested, is_ours, data)
             self._held_back.append(lambda: self._record(*arguments))

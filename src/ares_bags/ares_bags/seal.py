@@ -16,16 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mcap.records import (
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    McapRecord,
-    Message,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-)
+from mcap import records as mcap
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
@@ -38,7 +29,7 @@ from ares_bags.metadata import bag_information, record_data, write_metadata_file
 class _Span(ChunkEntry):
     """Hold one chunk with its message indexes, schemas and channels."""
 
-    records: list[McapRecord] = field(default_factory=list)
+    records: list[mcap.McapRecord] = field(default_factory=list)
 
     @property
     def end(self) -> int:
@@ -50,8 +41,8 @@ class _Span(ChunkEntry):
         return self.index.message_index_offsets.keys() == self.counts.keys()
 
 
-def _indexed(chunk: Chunk, begin: int, end: int) -> _Span:
-    index = ChunkIndex(
+def _indexed(chunk: mcap.Chunk, begin: int, end: int) -> _Span:
+    index = mcap.ChunkIndex(
         message_start_time=chunk.message_start_time,
         message_end_time=chunk.message_end_time,
         chunk_start_offset=begin,
@@ -64,33 +55,33 @@ def _indexed(chunk: Chunk, begin: int, end: int) -> _Span:
     )
     span = _Span(index)
     for record in breakup_chunk(chunk, validate_crc=True):
-        if isinstance(record, Message):
+        if isinstance(record, mcap.Message):
             span.counts[record.channel_id] = span.counts.get(record.channel_id, 0) + 1
         else:
             span.records.append(record)
     return span
 
 
-def _scan(path: Path) -> tuple[int, list[MetadataIndex], list[_Span]]:
+def _scan(path: Path) -> tuple[int, list[mcap.MetadataIndex], list[_Span]]:
     """Return the offset of the first chunk, the metadata records before it, the complete chunks."""
-    metadata: list[MetadataIndex] = []
+    metadata: list[mcap.MetadataIndex] = []
     spans: list[_Span] = []
     begin = start = len(MCAP0_MAGIC)
     # where the file breaks off the reader raises errors of many types; the chunks before are intact
     with path.open("rb") as stream, suppress(Exception):
         for record in StreamReader(stream, emit_chunks=True).records:
             end = stream.tell()
-            if isinstance(record, Chunk):
+            if isinstance(record, mcap.Chunk):
                 spans.append(_indexed(record, begin, end))
-            elif isinstance(record, MessageIndex):
+            elif isinstance(record, mcap.MessageIndex):
                 spans[-1].index.message_index_offsets[record.channel_id] = begin
                 spans[-1].index.message_index_length += end - begin
-            elif isinstance(record, DataEnd) or spans:
+            elif isinstance(record, mcap.DataEnd) or spans:
                 break
             else:
                 start = end
-                if isinstance(record, Metadata):
-                    metadata.append(MetadataIndex(begin, end - begin, record.name))
+                if isinstance(record, mcap.Metadata):
+                    metadata.append(mcap.MetadataIndex(begin, end - begin, record.name))
             begin = end
     if spans and not spans[-1].complete:
         spans.pop()

@@ -19,24 +19,10 @@ from struct import Struct
 from struct import error as struct_error
 from typing import Any
 
+from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import (
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Header,
-    McapRecord,
-    Message,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
@@ -62,16 +48,16 @@ UNREADABLE = (McapError, ValueError, OverflowError, MemoryError, struct_error)
 
 _PRIVATE_OPCODES = 0x80
 _KINDS: dict[int, Any] = {
-    Opcode.HEADER: Header,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.MESSAGE_INDEX: MessageIndex,
-    Opcode.CHUNK_INDEX: ChunkIndex,
-    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
-    Opcode.METADATA: Metadata,
-    Opcode.METADATA_INDEX: MetadataIndex,
-    Opcode.STATISTICS: Statistics,
-    Opcode.DATA_END: DataEnd,
+    Opcode.HEADER: mcap.Header,
+    Opcode.SCHEMA: mcap.Schema,
+    Opcode.CHANNEL: mcap.Channel,
+    Opcode.MESSAGE_INDEX: mcap.MessageIndex,
+    Opcode.CHUNK_INDEX: mcap.ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: mcap.AttachmentIndex,
+    Opcode.METADATA: mcap.Metadata,
+    Opcode.METADATA_INDEX: mcap.MetadataIndex,
+    Opcode.STATISTICS: mcap.Statistics,
+    Opcode.DATA_END: mcap.DataEnd,
 }
 _COMPRESSIONS = ("", "zstd", "lz4")
 #: Patterns by which chunks are found: their compression field.
@@ -93,7 +79,7 @@ class Span:
     begin: int
     end: int
     opcode: int | None
-    index: ChunkIndex | None = None
+    index: mcap.ChunkIndex | None = None
 
 
 def map_file(path: Path) -> memoryview:
@@ -122,7 +108,7 @@ def ends_well(data: memoryview) -> bool:
     return len(data) >= 2 * MAGIC and data[-MAGIC:] == MCAP0_MAGIC
 
 
-def parse(data: memoryview, span: Span) -> McapRecord | None:
+def parse(data: memoryview, span: Span) -> mcap.McapRecord | None:
     """Parse the record of a span; return None for a kind that says nothing about messages.
 
     Raises:
@@ -136,9 +122,9 @@ def parse(data: memoryview, span: Span) -> McapRecord | None:
     return kind.read(ReadDataStream(BytesIO(data[span.begin + HEAD.size : span.end])))
 
 
-def _message(body: bytes) -> Message:
+def _message(body: bytes) -> mcap.Message:
     channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(body)
-    return Message(
+    return mcap.Message(
         channel_id=channel,
         log_time=log_time,
         data=body[_MESSAGE_HEAD.size :],
@@ -171,17 +157,17 @@ def read_summary(data: memoryview) -> tuple[Summary, int] | None:
         record = parse(data, span)
         if span.opcode is None:
             raise ValueError("summary is not made of records")
-        if isinstance(record, Statistics):
+        if isinstance(record, mcap.Statistics):
             summary.statistics = record
-        elif isinstance(record, Schema):
+        elif isinstance(record, mcap.Schema):
             summary.schemas[record.id] = record
-        elif isinstance(record, Channel):
+        elif isinstance(record, mcap.Channel):
             summary.channels[record.id] = record
-        elif isinstance(record, ChunkIndex):
+        elif isinstance(record, mcap.ChunkIndex):
             summary.chunk_indexes.append(record)
-        elif isinstance(record, AttachmentIndex):
+        elif isinstance(record, mcap.AttachmentIndex):
             summary.attachment_indexes.append(record)
-        elif isinstance(record, MetadataIndex):
+        elif isinstance(record, mcap.MetadataIndex):
             summary.metadata_indexes.append(record)
     return summary, begin
 
@@ -274,7 +260,7 @@ def chunk_content(data: memoryview, chunk: Span) -> bytes:
     compression, begin = packing(data, chunk)
     if compression not in _COMPRESSIONS:
         raise ValueError(f"its compression is {compression!r}")
-    packed = Chunk(
+    packed = mcap.Chunk(
         compression=compression,
         data=bytes(data[begin : chunk.end]),
         message_start_time=0,
@@ -293,7 +279,7 @@ def chunk_content(data: memoryview, chunk: Span) -> bytes:
     return content
 
 
-def chunk_records(content: bytes) -> Iterator[tuple[int, McapRecord]]:
+def chunk_records(content: bytes) -> Iterator[tuple[int, mcap.McapRecord]]:
     """Yield schemas, channels and messages of a chunk's contents with their offsets.
 
     Raises:

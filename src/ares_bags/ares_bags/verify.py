@@ -9,18 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import (
-    ChunkIndex,
-    DataEnd,
-    Header,
-    McapRecord,
-    Message,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Statistics,
-)
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
@@ -185,8 +175,8 @@ class Examination:
         self._undecoded: Counter[str] = Counter()
         self._counts: Counter[int] = Counter()
         self._first, self._last = NO_TIME_NS, 0
-        self._indexes: list[ChunkIndex] = []
-        self._metadata: list[MetadataIndex] = []
+        self._indexes: list[mcap.ChunkIndex] = []
+        self._metadata: list[mcap.MetadataIndex] = []
         self._attachments = 0
         self._ours = False
         self._records()
@@ -234,7 +224,7 @@ class Examination:
         else:
             self._describe()
         header = self._record(found.spans[0]) if found.spans else None
-        if isinstance(header, Header):
+        if isinstance(header, mcap.Header):
             self._ours = header.library.startswith(LIBRARY)
         else:
             self._say("the file has no header")
@@ -251,7 +241,7 @@ class Examination:
     def _describe(self) -> None:
         """Collect the schemas and channels of all readable chunks, since any may be damaged."""
         for span in self.survey.spans:
-            described: list[McapRecord | None] = []
+            described: list[mcap.McapRecord | None] = []
             with suppress(*UNREADABLE):
                 if span.opcode == Opcode.CHUNK:
                     content = chunk_content(self.data, span)
@@ -273,7 +263,7 @@ class Examination:
         if refused and len(refused) == len(channels):
             raise refused[0]
 
-    def _record(self, span: Span) -> McapRecord | None:
+    def _record(self, span: Span) -> mcap.McapRecord | None:
         """Return the record of a span, None if it cannot be read."""
         if span.opcode is None or self.data[span.begin] != span.opcode:
             return None
@@ -296,7 +286,7 @@ class Examination:
                 self.whole = False
                 self.result.damaged_chunks += 1
                 self._say(f"{where}: chunk {len(self._indexes) + 1} is damaged ({cause(error)})")
-                self._indexes.append(ChunkIndex(0, span.begin, "", 0, 0, 0, {}, 0, 0))
+                self._indexes.append(mcap.ChunkIndex(0, span.begin, "", 0, 0, 0, {}, 0, 0))
             else:
                 self._chunk(span, len(content), records, self._message_indexes(number + 1))
         elif span.opcode == Opcode.ATTACHMENT:
@@ -307,10 +297,12 @@ class Examination:
         elif span.opcode in (Opcode.METADATA, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
             self._loose(self._record(span), span, where)
 
-    def _loose(self, record: McapRecord | None, span: Span, where: str) -> None:
+    def _loose(self, record: mcap.McapRecord | None, span: Span, where: str) -> None:
         """Examine a record outside of the chunks."""
-        if isinstance(record, Metadata):
-            self._metadata.append(MetadataIndex(span.begin, span.end - span.begin, record.name))
+        if isinstance(record, mcap.Metadata):
+            self._metadata.append(
+                mcap.MetadataIndex(span.begin, span.end - span.begin, record.name)
+            )
             if record.name == RECORD_NAME:
                 try:
                     self.copies.append(("the file", information_of(record.metadata)))
@@ -321,9 +313,9 @@ class Examination:
         else:
             self._note(record)
 
-    def _note(self, record: McapRecord) -> None:
+    def _note(self, record: mcap.McapRecord) -> None:
         """Count a message; check that a schema or channel does not contradict an earlier one."""
-        if isinstance(record, Message):
+        if isinstance(record, mcap.Message):
             channel = self.contents.channels.get(record.channel_id)
             if channel is None:
                 self._undecoded[f"channel {record.channel_id}, which is not described"] += 1
@@ -339,7 +331,7 @@ class Examination:
         else:
             self.contents.note(record)
 
-    def _decodes(self, message: Message) -> bool:
+    def _decodes(self, message: mcap.Message) -> bool:
         """Tell whether a described message can be decoded; True if it is not of ROS 2."""
         if not self._of_ros(message.channel_id):
             return True
@@ -365,7 +357,7 @@ class Examination:
         self,
         span: Span,
         size: int,
-        records: Sequence[tuple[int, McapRecord]],
+        records: Sequence[tuple[int, mcap.McapRecord]],
         message_indexes: Iterator[Span],
     ) -> None:
         """Check a readable chunk: its head, its message indexes, its entry in the index."""
@@ -373,11 +365,11 @@ class Examination:
         entries: dict[int, list[tuple[int, int]]] = {}
         for offset, record in records:
             self._note(record)
-            if isinstance(record, Message):
+            if isinstance(record, mcap.Message):
                 entries.setdefault(record.channel_id, []).append((record.log_time, offset))
         times = [time for pairs in entries.values() for time, _ in pairs]
         compression, begin = packing(self.data, span)
-        index = ChunkIndex(
+        index = mcap.ChunkIndex(
             message_start_time=min(times, default=0),
             message_end_time=max(times, default=0),
             chunk_start_offset=span.begin,
@@ -395,7 +387,7 @@ class Examination:
             self._say(f"{place}: its head is damaged, its contents are not")
         for after in message_indexes:
             found = self._record(after)
-            if isinstance(found, MessageIndex):
+            if isinstance(found, mcap.MessageIndex):
                 index.message_index_offsets[found.channel_id] = after.begin
                 if sorted(found.records) != sorted(entries.get(found.channel_id, ())):
                     self._say(f"{place}: an index of its messages is wrong")
@@ -414,7 +406,7 @@ class Examination:
         self.result.expected = statistics.message_count
         if not self.whole:
             return
-        found = Statistics(
+        found = mcap.Statistics(
             attachment_count=self._attachments,
             channel_count=len(self.contents.channels),
             channel_message_counts=dict(self._counts),
@@ -435,7 +427,7 @@ class Examination:
     def _data_end(self, span: Span) -> None:
         """Check the end of the data section, with its checksum of all bytes before."""
         record = self._record(span)
-        if not isinstance(record, DataEnd) or span.end - span.begin != HEAD.size + 4:
+        if not isinstance(record, mcap.DataEnd) or span.end - span.begin != HEAD.size + 4:
             self._say(f"bytes {span.begin} to {span.end}: the end of the data is damaged")
         elif record.data_section_crc:
             self.result.data_checksum = True
@@ -487,7 +479,7 @@ class Examination:
                 self._say(f"{key} in {where} is wrong{words}")
 
 
-def _head(index: ChunkIndex, checksum: int) -> bytes:
+def _head(index: mcap.ChunkIndex, checksum: int) -> bytes:
     """Return the head that a chunk must have."""
     return (
         HEAD.pack(Opcode.CHUNK, index.chunk_length - HEAD.size)

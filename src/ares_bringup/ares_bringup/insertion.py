@@ -7,16 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from ares_bringup.facts import MissionFacts
-from ares_models.arrays import (
-    NAMES_ASCENDING_NODE,
-    NAMES_FLIGHT_PATH_ANGLE,
-    NAMES_INCLINATION,
-    NAMES_RADIUS,
-    NAMES_SPEED,
-    TARGET_ELEMENTS,
-    TARGET_KEPLERIAN,
-    TARGET_RADIUS_SPEED_ANGLE_PLANE,
-)
+from ares_models import arrays as layout
 
 if TYPE_CHECKING:
     from ares_models.judge import Judgement
@@ -64,10 +55,10 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
         position: flown, m, shape (3,).
     """
     target = facts.target
-    if int(target["kind"]) == TARGET_ELEMENTS:
+    if int(target["kind"]) == layout.TARGET_ELEMENTS:
         return _named_state(target)
-    if int(target["kind"]) != TARGET_KEPLERIAN:
-        plane = int(target["kind"]) == TARGET_RADIUS_SPEED_ANGLE_PLANE
+    if int(target["kind"]) != layout.TARGET_KEPLERIAN:
+        plane = int(target["kind"]) == layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
         return OrbitState(
             float(target["radius"]),
             float(target["speed"]),
@@ -101,11 +92,13 @@ def _named_state(target: Any) -> OrbitState:
     """Return the quantities that a target by elements fixes; NaN for the others."""
     named = int(target["named"])
     return OrbitState(
-        float(target["radius"]) if named & NAMES_RADIUS else math.nan,
-        float(target["speed"]) if named & NAMES_SPEED else math.nan,
-        math.degrees(target["flight_path_angle"]) if named & NAMES_FLIGHT_PATH_ANGLE else math.nan,
-        math.degrees(target["inclination"]) if named & NAMES_INCLINATION else math.nan,
-        math.degrees(target["ascending_node"]) if named & NAMES_ASCENDING_NODE else math.nan,
+        float(target["radius"]) if named & layout.NAMES_RADIUS else math.nan,
+        float(target["speed"]) if named & layout.NAMES_SPEED else math.nan,
+        math.degrees(target["flight_path_angle"])
+        if named & layout.NAMES_FLIGHT_PATH_ANGLE
+        else math.nan,
+        math.degrees(target["inclination"]) if named & layout.NAMES_INCLINATION else math.nan,
+        math.degrees(target["ascending_node"]) if named & layout.NAMES_ASCENDING_NODE else math.nan,
     )
 
 

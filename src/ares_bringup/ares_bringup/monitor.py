@@ -16,38 +16,11 @@ from ares_bringup.outcomes import EXIT_MEANINGS
 from ares_bringup.summary import FlightSummary
 from ares_models.passage import Passage
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
-from ares_node.diagnostics import (
-    EXIT_STATUS,
-    FINAL_MASS_KG,
-    FLIGHT_TIME_S,
-    GOOD,
-    LONGEST_CYCLE_MS,
-    LOWEST_COAST_M,
-    PACE,
-    PAGES,
-    PASSAGE,
-    PAUSED,
-    SHORTCOMINGS,
-    VERDICT,
-    Timing,
-    folded,
-    hardware_id,
-    number_of,
-    of_another_flight,
-    timing,
-)
+from ares_node import diagnostics, qos
+from ares_node.diagnostics import Timing, folded, hardware_id, number_of, of_another_flight, timing
 from ares_node.heartbeat import is_heartbeat
 from ares_node.key import FORGED
 from ares_node.membership import Membership, Role, State
-from ares_node.qos import (
-    DIAGNOSTIC,
-    DIAGNOSTICS,
-    EVENTS,
-    FLIGHT,
-    FLIGHT_EVENT,
-    GUIDANCE_STATUS,
-    TIMING,
-)
 from ares_node.time import seconds_from_stamp
 from ares_studies.event_words import ENDS
 
@@ -68,10 +41,10 @@ def verdict_facts(summary: FlightSummary) -> dict[str, object]:
     """Return the facts on a flight's end for the live page."""
     shortcomings = summary.shortcomings()
     return {
-        VERDICT: summary.verdict,
-        GOOD: not shortcomings,
-        SHORTCOMINGS: "\n".join(map(folded, shortcomings)),
-        EXIT_STATUS: f"{summary.exit_code}, {EXIT_MEANINGS[summary.exit_code]}",
+        diagnostics.VERDICT: summary.verdict,
+        diagnostics.GOOD: not shortcomings,
+        diagnostics.SHORTCOMINGS: "\n".join(map(folded, shortcomings)),
+        diagnostics.EXIT_STATUS: f"{summary.exit_code}, {EXIT_MEANINGS[summary.exit_code]}",
     }
 
 
@@ -115,20 +88,20 @@ class FlightMonitor:
         self._flown: float | None = None
         lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
         self._inputs = [
-            node.create_subscription(kind, topic, callback, qos, event_callbacks=lost)
-            for kind, topic, callback, qos in (
+            node.create_subscription(kind, topic, callback, profile, event_callbacks=lost)
+            for kind, topic, callback, profile in (
                 (
                     FlightEvent,
-                    FLIGHT_EVENT,
-                    self._membership.seals.reader(FLIGHT_EVENT, self._on_event),
-                    EVENTS,
+                    qos.FLIGHT_EVENT,
+                    self._membership.seals.reader(qos.FLIGHT_EVENT, self._on_event),
+                    qos.EVENTS,
                 ),
-                (GuidanceStatus, GUIDANCE_STATUS, self._on_status, FLIGHT),
-                (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
-                (Timing, TIMING, self._on_timing, DIAGNOSTIC),
+                (GuidanceStatus, qos.GUIDANCE_STATUS, self._on_status, qos.FLIGHT),
+                (DiagnosticArray, qos.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTIC),
+                (Timing, qos.TIMING, self._on_timing, qos.DIAGNOSTIC),
             )
         ]
-        self._timing_out = node.create_publisher(Timing, TIMING, DIAGNOSTIC)
+        self._timing_out = node.create_publisher(Timing, qos.TIMING, qos.DIAGNOSTIC)
         self._membership.listen(self._on_member)
 
     def let_go(self) -> None:
@@ -253,11 +226,11 @@ class FlightMonitor:
             if status.hardware_id != hardware_id(self.summary.flight_id):
                 continue
             said = {item.key: item.value for item in status.values}
-            planned = number_of(said, FINAL_MASS_KG)
+            planned = number_of(said, diagnostics.FINAL_MASS_KG)
             if planned is not None:
                 self.summary.planned_m_f_kg = planned
                 self._say(_plan(said, planned))
-            if passage := Passage.from_text(said.get(PASSAGE, "")):
+            if passage := Passage.from_text(said.get(diagnostics.PASSAGE, "")):
                 self.summary.set_air(passage)
             level = _LEVELS.get(status.level)
             if level is not None:
@@ -278,13 +251,19 @@ class FlightMonitor:
         if status.hardware_id != hardware_id(self.summary.flight_id):
             return
         said = {item.key: item.value for item in status.values}
-        longest, pages = number_of(said, LONGEST_CYCLE_MS), number_of(said, PAGES)
-        flown = number_of(said, FLIGHT_TIME_S)
+        longest, pages = (
+            number_of(said, diagnostics.LONGEST_CYCLE_MS),
+            number_of(said, diagnostics.PAGES),
+        )
+        flown = number_of(said, diagnostics.FLIGHT_TIME_S)
         if longest is not None:
             self.summary.longest_cycle_ms = longest
         if pages is not None:
             self.pages = int(pages)
-        waits = said.get(PAUSED) == str(True) or (number_of(said, PACE) or 0.0) > 0.0
+        waits = (
+            said.get(diagnostics.PAUSED) == str(True)
+            or (number_of(said, diagnostics.PACE) or 0.0) > 0.0
+        )
         if waits or flown not in (None, self._flown):
             # the simulator waits for the wall clock, or flies on: it is not stuck
             self.last_heard = time.monotonic()
@@ -307,7 +286,7 @@ class FlightMonitor:
 
 def _plan(said: Mapping[str, str], mass: float) -> str:
     """Describe the plan accepted by guidance."""
-    lowest = number_of(said, LOWEST_COAST_M)
+    lowest = number_of(said, diagnostics.LOWEST_COAST_M)
     coasts = f", no coast below {lowest / 1e3:,.1f} km" if lowest is not None else ""
     method = printable(said.get("method", ""))
     return f"plan taken, by method {method}: {mass:,.1f} kg after the last cut-off{coasts}"

@@ -25,19 +25,7 @@ from ares_studies.event_words import (
     event_name,
     hand_over,
 )
-from ares_vehicle_sim.arrays import (
-    CUTOFF,
-    DEPLETION,
-    FAILED,
-    FLIGHT_STARTED,
-    GUIDANCE_BACK,
-    GUIDANCE_LOST,
-    IMPACT,
-    JETTISON_DONE,
-    JETTISON_STUCK,
-    OVER_LIMIT,
-    TIME_LIMIT,
-)
+from ares_vehicle_sim import arrays as codes
 
 if TYPE_CHECKING:
     from ares_models.impacts import Impact
@@ -167,7 +155,7 @@ class FlightSummary:
     @property
     def started(self) -> bool:
         """Return whether the first event of the flight was received."""
-        return self.first(FLIGHT_STARTED) is not None
+        return self.first(codes.FLIGHT_STARTED) is not None
 
     @property
     def end(self) -> Event | None:
@@ -179,13 +167,13 @@ class FlightSummary:
         """Return the time of the fairing's heating jettison, s."""
         if self.facts.fairing is None:
             return None
-        event = self.first(JETTISON_DONE, self.facts.fairing)
+        event = self.first(codes.JETTISON_DONE, self.facts.fairing)
         return event.time if event else None
 
     @property
     def t_meco_s(self) -> float | None:
         """Return the time of the main-engine cut-off command, s."""
-        event = self.first(CUTOFF)
+        event = self.first(codes.CUTOFF)
         return event.time if event else None
 
     @property
@@ -198,7 +186,7 @@ class FlightSummary:
         """Return the judgement of the end of the flight, tail-off included; None before."""
         if self.end is None:
             return None
-        grounded = self.end.type == IMPACT
+        grounded = self.end.type == codes.IMPACT
         return judgement(self.facts, self.end.position, self.end.velocity, grounded=grounded)
 
     @property
@@ -251,9 +239,9 @@ class FlightSummary:
         """Return the flight time without an answer of guidance, s."""
         total, since = 0.0, None
         for event in self.events:
-            if event.type == GUIDANCE_LOST and since is None:
+            if event.type == codes.GUIDANCE_LOST and since is None:
                 since = event.time
-            elif since is not None and event.type in (GUIDANCE_BACK, *ENDS):
+            elif since is not None and event.type in (codes.GUIDANCE_BACK, *ENDS):
                 total += event.time - since
                 since = None
         return total
@@ -263,13 +251,13 @@ class FlightSummary:
     @property
     def outcome(self) -> Outcome:
         """Return the way in which the flight ended."""
-        if self.first(IMPACT):
+        if self.first(codes.IMPACT):
             return Outcome.IMPACT
-        if self.first(TIME_LIMIT):
+        if self.first(codes.TIME_LIMIT):
             return Outcome.TIME_LIMIT
         if self.end is None:
             return Outcome.INTERRUPTED if self.interrupted else Outcome.INCOMPLETE
-        if self.first(CUTOFF) is None:
+        if self.first(codes.CUTOFF) is None:
             return Outcome.DEPLETION
         return Outcome.TARGET_MISSED if self.misses() else Outcome.TARGET
 
@@ -282,7 +270,7 @@ class FlightSummary:
         """
         if self.m_f_kg is None or self.planned_m_f_kg is None:
             return None
-        failed = self.first(FAILED) or self.first(JETTISON_STUCK)
+        failed = self.first(codes.FAILED) or self.first(codes.JETTISON_STUCK)
         comparable = self.outcome is Outcome.TARGET or (
             self.outcome is Outcome.TARGET_MISSED and not failed
         )
@@ -310,12 +298,12 @@ class FlightSummary:
             lines = lines + [
                 f"{name} was not jettisoned"
                 for index, name in enumerate(self.facts.jettisons)
-                if self.first(JETTISON_DONE, index) is None
+                if self.first(codes.JETTISON_DONE, index) is None
             ]
-        if over := self.first(OVER_LIMIT):
+        if over := self.first(codes.OVER_LIMIT):
             arc = self.facts.arcs[over.index]
             lines = [*lines, f"{arc}: acceleration over its limit from {over.time:,.1f} s on"]
-        if self.first(GUIDANCE_LOST):
+        if self.first(codes.GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         if self.forged:
             lines = [*lines, f"somebody spoke in the name of others: {self.forged[0]}"]
@@ -324,8 +312,10 @@ class FlightSummary:
     @property
     def _thrust_end(self) -> str:
         """Return why the thrust ended: a failed engine leaves propellant aboard."""
-        last = next((e for e in reversed(self.events) if e.type in (FAILED, DEPLETION)), None)
-        failed = last is not None and last.type == FAILED
+        last = next(
+            (e for e in reversed(self.events) if e.type in (codes.FAILED, codes.DEPLETION)), None
+        )
+        failed = last is not None and last.type == codes.FAILED
         return "thrust ended by a failure" if failed else "propellant ran out"
 
     def _fallen(self, impact: "Impact") -> str:

@@ -3,37 +3,27 @@
 
 from typing import Any
 
-from ares_guidance.arrays import (
-    AIM_SAFE,
-    AVOID_CLEAR,
-    AVOID_CUT,
-    AVOID_LOST,
-    AVOID_STEER,
-    FOUND_EARLY_END,
-    FOUND_ENGINE_LOST,
-    FOUND_NO_IGNITION,
-    FOUND_STUCK_JETTISON,
-    FOUND_STUCK_THROTTLE,
-    FOUND_THRUST_LOW,
-)
+from ares_guidance import arrays as layout
 
 #: By kind; ratio: measured over expected thrust or acceleration; name: of the arc or jettison.
 _WORDS = {
-    FOUND_ENGINE_LOST: "engine lost in {name}: {ratio:.3f} of the thrust, the propellant lasts",
-    FOUND_THRUST_LOW: "thrust of {name} is {ratio:.3f} of what it was",
-    FOUND_EARLY_END: "{name}: shut down early, flying on with what is left",
-    FOUND_NO_IGNITION: "{name}: no ignition, flying on with what is left",
-    FOUND_STUCK_THROTTLE: "throttle of {name} is stuck: {ratio:.3f} of the limit",
-    FOUND_STUCK_JETTISON: "{name}: does not go, planning with its mass",
+    layout.FOUND_ENGINE_LOST: (
+        "engine lost in {name}: {ratio:.3f} of the thrust, the propellant lasts"
+    ),
+    layout.FOUND_THRUST_LOW: "thrust of {name} is {ratio:.3f} of what it was",
+    layout.FOUND_EARLY_END: "{name}: shut down early, flying on with what is left",
+    layout.FOUND_NO_IGNITION: "{name}: no ignition, flying on with what is left",
+    layout.FOUND_STUCK_THROTTLE: "throttle of {name} is stuck: {ratio:.3f} of the limit",
+    layout.FOUND_STUCK_JETTISON: "{name}: does not go, planning with its mass",
 }
 #: Reported when guidance abandons the target for the safe orbit.
 SAFE_ORBIT = "the target is out of reach: flying to the safe orbit"
 #: By mode of impact-point avoidance.
 _AVOIDING = {
-    AVOID_CLEAR: "the impact point stays outside all areas",
-    AVOID_STEER: "the impact point is steered away from {name}",
-    AVOID_CUT: "cut-off at {time:.1f} s, before the impact point enters {name}",
-    AVOID_LOST: "the impact point cannot be kept clear of {name}",
+    layout.AVOID_CLEAR: "the impact point stays outside all areas",
+    layout.AVOID_STEER: "the impact point is steered away from {name}",
+    layout.AVOID_CUT: "cut-off at {time:.1f} s, before the impact point enters {name}",
+    layout.AVOID_LOST: "the impact point cannot be kept clear of {name}",
 }
 
 
@@ -46,7 +36,7 @@ def describe(found: Any, arcs: tuple[str, ...], jettisons: tuple[str, ...]) -> s
         jettisons: a name for each jettison.
     """
     kind, index = int(found["kind"]), int(found["index"])
-    names = jettisons if kind == FOUND_STUCK_JETTISON else arcs
+    names = jettisons if kind == layout.FOUND_STUCK_JETTISON else arcs
     return _WORDS[kind].format(name=names[index], ratio=float(found["ratio"]))
 
 
@@ -66,4 +56,4 @@ def describe_avoiding(avoid: Any, areas: tuple[str, ...]) -> str:
 
 def aims_at_safe_orbit(state: Any) -> bool:
     """Return whether guidance aims at the safe orbit, of a record GUIDANCE_STATE."""
-    return bool(state["aim"] == AIM_SAFE)
+    return bool(state["aim"] == layout.AIM_SAFE)

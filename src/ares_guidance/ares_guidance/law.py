@@ -10,17 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import (
-    ERROR_NONE,
-    LAW_PEG,
-    MAX_SEGMENTS,
-    NO_MEMORY,
-    PHASE_BOOST,
-    PHASE_CONVERGING,
-    PHASE_IDLE,
-    OnboardArrays,
-    blank_onboard,
-)
+from ares_guidance import arrays as layout
 from ares_guidance.kernels.plans.legs import step_by_legs
 from ares_guidance.kernels.plans.programme import flies_programme
 from ares_guidance.kernels.prediction.segments import TABLE_PIECES
@@ -75,7 +65,7 @@ class LawKind:
     holds_attitude: bool = False
     meets_place: bool = False
     flies_boost: Callable[..., bool] = flies_programme
-    memory: np.dtype[Any] = NO_MEMORY
+    memory: np.dtype[Any] = layout.NO_MEMORY
 
     @property
     def needs_trajectory(self) -> bool:
@@ -84,7 +74,7 @@ class LawKind:
 
 
 #: The law of the shared cycle without any replacement.
-PEG = LawKind("peg", LAW_PEG, step_by_legs, holds_attitude=True)
+PEG = LawKind("peg", layout.LAW_PEG, step_by_legs, holds_attitude=True)
 
 
 def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> LawKind:
@@ -155,7 +145,7 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
 @cache
 def guarded(kind: LawKind) -> Callable[..., None]:
     """Return the step of a law between navigation gate and monitors, a `guarded_step`."""
-    place = "guidance_step" if kind.memory == NO_MEMORY else "step_law"
+    place = "guidance_step" if kind.memory == layout.NO_MEMORY else "step_law"
     step: Callable[..., None] = specialised(
         "ares_guidance.kernels.guarded",
         f"of_{kind.name}",
@@ -166,9 +156,9 @@ def guarded(kind: LawKind) -> Callable[..., None]:
 
 
 @cache
-def _entry(kind: LawKind) -> Callable[[MissionArrays, OnboardArrays], None]:
+def _entry(kind: LawKind) -> Callable[[MissionArrays, layout.OnboardArrays], None]:
     """Return the step of a law for calls from Python."""
-    entry: Callable[[MissionArrays, OnboardArrays], None] = specialised(
+    entry: Callable[[MissionArrays, layout.OnboardArrays], None] = specialised(
         "ares_guidance.kernels.entry", f"of_{kind.name}", guarded_step=guarded(kind)
     ).answer
     return one_line_each(kind.name)(entry)
@@ -203,10 +193,10 @@ class Law:
         throttled = (arcs["kind"] == BURN) & np.isfinite(arcs["max_acceleration"])
         parts = len(arcs) + 2 * int(np.sum(throttled)) + len(arrays.jettisons)
         parts += (TABLE_PIECES - 1) * int(np.sum(arcs["tabled"]))
-        if parts > MAX_SEGMENTS:
+        if parts > layout.MAX_SEGMENTS:
             raise ValueError(
                 f"mission has {parts} arcs and jettisons, throttled burns counted thrice, "
-                f"solid motors {TABLE_PIECES} times; guidance has room for {MAX_SEGMENTS}"
+                f"solid motors {TABLE_PIECES} times; guidance has room for {layout.MAX_SEGMENTS}"
             )
         if np.any(arcs["held"]) and not kind.holds_attitude:
             raise ValueError(
@@ -236,7 +226,7 @@ class Law:
 
     def _begin(self) -> None:
         """Initialize the arrays of guidance for a flight, with the plan."""
-        self.onboard = blank_onboard(self._settings, self.kind.memory)
+        self.onboard = layout.blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays, not self.kind.meets_place)[0]
         if self._arc_plan is not None and self._programme is not None:
@@ -365,7 +355,7 @@ class Law:
         last = int(self.state["leg"]["count"]) - 1 if by_legs else len(self._arrays.arcs) - 1
         answer = self.state["leg"]["steering"] if by_legs else self.steering[0]
         late = float(answer["cutoff_time"]) - plan.arc_ends_s[last]
-        sound = self.phase > PHASE_CONVERGING and self.state["error"] == ERROR_NONE
+        sound = self.phase > layout.PHASE_CONVERGING and self.state["error"] == layout.ERROR_NONE
         return last, late if sound and math.isfinite(late) else math.inf
 
     @property
@@ -470,7 +460,7 @@ class Law:
     @property
     def phase(self) -> int:
         """Return the phase of guidance, PHASE_*: the law's, or PHASE_BOOST in the air."""
-        return PHASE_BOOST if self.state["programme"]["active"] else int(self.state["phase"])
+        return layout.PHASE_BOOST if self.state["programme"]["active"] else int(self.state["phase"])
 
     @property
     def cycle(self) -> int:
@@ -480,12 +470,12 @@ class Law:
     @property
     def steered(self) -> bool:
         """Return whether the answer holds a thrust direction and may be flown."""
-        return self.phase != PHASE_IDLE
+        return self.phase != layout.PHASE_IDLE
 
     @property
     def converged(self) -> bool:
         """Return whether the answer is a converged solution, or steering held from one."""
-        return self.phase > PHASE_CONVERGING
+        return self.phase > layout.PHASE_CONVERGING
 
     def step(self, nav: Any) -> bool:
         """Answer one navigation state.

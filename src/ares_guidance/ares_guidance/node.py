@@ -11,22 +11,7 @@ from rclpy.client import Client
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 
-from ares_guidance.arrays import (
-    MONITOR_DEPLETION,
-    MONITOR_DIRECTION,
-    MONITOR_JETTISON,
-    MONITOR_STEERING_RATE,
-    MONITOR_TIME_TO_GO,
-    MONITOR_WORK,
-    REFUSED_DRIFT,
-    REFUSED_FROZEN,
-    REFUSED_IMPLAUSIBLE,
-    REFUSED_MASS,
-    REFUSED_POSITION,
-    REFUSED_SEQUENCE,
-    REFUSED_TIME,
-    REFUSED_VELOCITY,
-)
+from ares_guidance import arrays as layout
 from ares_guidance.findings import (
     SAFE_ORBIT,
     aims_at_safe_orbit,
@@ -41,20 +26,12 @@ from ares_guidance.settings import BOOST_STEERINGS, HEATING_SOURCES, LawSettings
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
+from ares_node import qos
 from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, is_worth_reporting, timing
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
-from ares_node.qos import (
-    DIAGNOSTIC,
-    FLIGHT,
-    GUIDANCE_STATUS,
-    NAV_STATE,
-    SOLVE_TRAJECTORY,
-    THRUST_COMMAND,
-    TIMING,
-)
 from ares_node.time import NANOSECONDS
 
 ERROR_TEXTS = {
@@ -67,23 +44,23 @@ ERROR_TEXTS = {
 }
 
 REFUSAL_TEXTS = {
-    REFUSED_IMPLAUSIBLE: "not finite, or not of this mission",
-    REFUSED_TIME: "its time does not go on",
-    REFUSED_FROZEN: "it stands still",
-    REFUSED_SEQUENCE: "arcs or jettisons go back",
-    REFUSED_POSITION: "the position is not where it should be",
-    REFUSED_VELOCITY: "the velocity is not what was sensed",
-    REFUSED_MASS: "the mass is not what was burnt",
-    REFUSED_DRIFT: "it drifts",
+    layout.REFUSED_IMPLAUSIBLE: "not finite, or not of this mission",
+    layout.REFUSED_TIME: "its time does not go on",
+    layout.REFUSED_FROZEN: "it stands still",
+    layout.REFUSED_SEQUENCE: "arcs or jettisons go back",
+    layout.REFUSED_POSITION: "the position is not where it should be",
+    layout.REFUSED_VELOCITY: "the velocity is not what was sensed",
+    layout.REFUSED_MASS: "the mass is not what was burnt",
+    layout.REFUSED_DRIFT: "it drifts",
 }
 
 MONITOR_TEXTS = {
-    MONITOR_DIRECTION: "it cannot be flown",
-    MONITOR_TIME_TO_GO: "its time to go is negative",
-    MONITOR_JETTISON: "it drops a part above the heating limit",
-    MONITOR_DEPLETION: "it cuts off after the propellant is gone",
-    MONITOR_WORK: "its cycle took more iterations than any can need",
-    MONITOR_STEERING_RATE: "it turns the thrust too fast",
+    layout.MONITOR_DIRECTION: "it cannot be flown",
+    layout.MONITOR_TIME_TO_GO: "its time to go is negative",
+    layout.MONITOR_JETTISON: "it drops a part above the heating limit",
+    layout.MONITOR_DEPLETION: "it cuts off after the propellant is gone",
+    layout.MONITOR_WORK: "its cycle took more iterations than any can need",
+    layout.MONITOR_STEERING_RATE: "it turns the thrust too fast",
 }
 
 PARAMETERS = (
@@ -193,26 +170,26 @@ class GuidanceNode(FlightNode):
             except ValueError as error:
                 raise NodeError(mission.with_names(str(error))) from error
             failed.pop_all()
-        self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
-        self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
-        self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
+        self._command_out = self.create_publisher(ThrustCommand, qos.THRUST_COMMAND, qos.FLIGHT)
+        self._status_out = self.create_publisher(GuidanceStatus, qos.GUIDANCE_STATUS, qos.FLIGHT)
+        self._timing_out = self.create_publisher(Timing, qos.TIMING, qos.DIAGNOSTIC)
         self._nav_in = self.create_subscription(
             NavState,
-            NAV_STATE,
+            qos.NAV_STATE,
             self._membership.seals.reader(
-                NAV_STATE,
+                qos.NAV_STATE,
                 self._on_nav_state,
                 lambda data: self._answers.read(data)[1],
                 answers.content,
             ),
-            FLIGHT,
+            qos.FLIGHT,
             raw=True,
         )
         self._wants_guess = answers.wants_guess
         # create the client only if needed: it lists the service on the graph
         self._optimizer: Client | None = None
         if self._wants_guess:
-            self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
+            self._optimizer = self.create_client(SolveTrajectory, qos.SOLVE_TRAJECTORY)
         self._guess: Future | None = None
         self._held_back: bytes | None = None
         self._ask_from = -math.inf

@@ -12,17 +12,7 @@ from ares_guidance.floor import check_floor, held_burns, lifted
 from ares_guidance.kernels.cycle import SHORT_BURN
 from ares_guidance.programme import Programme, programmes_of
 from ares_guidance.trajectory import SAME_TIME, OfflineTrajectory
-from ares_models.arrays import (
-    BURN,
-    NAMES_ARGUMENT_OF_PERIGEE,
-    NAMES_ASCENDING_NODE,
-    NAMES_INCLINATION,
-    TARGET_ELEMENTS,
-    TARGET_KEPLERIAN,
-    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
-    TARGET_RADIUS_SPEED_ANGLE_PLANE,
-    MissionArrays,
-)
+from ares_models import arrays as layout
 from ares_models.kernels.boost import is_over
 from ares_models.kernels.judging import judged_by
 from ares_models.mission_target import leaves_end_free
@@ -51,8 +41,8 @@ def true_anomaly_of(state: Insertion, mu: float) -> float:
 
 def names_perigee_direction(target: np.void) -> bool:
     """Return whether a target constrains the direction of its perigee."""
-    named = bool(int(target["named"]) & NAMES_ARGUMENT_OF_PERIGEE)
-    return named or bool(target["kind"] == TARGET_KEPLERIAN)
+    named = bool(int(target["named"]) & layout.NAMES_ARGUMENT_OF_PERIGEE)
+    return named or bool(target["kind"] == layout.TARGET_KEPLERIAN)
 
 
 @dataclass(frozen=True)
@@ -104,7 +94,7 @@ class ArcPlan:
     arc_ends_s: dict[int, float] = field(default_factory=dict)
     arc_ends_kg: dict[int, float] = field(default_factory=dict)
 
-    def record(self, arrays: MissionArrays, holds_plane: bool = False) -> NDArray[np.void]:
+    def record(self, arrays: layout.MissionArrays, holds_plane: bool = False) -> NDArray[np.void]:
         """Return the plan for the kernels, shape (1,), dtype PLAN.
 
         Args:
@@ -123,7 +113,7 @@ class ArcPlan:
         record["made"] = free or bool(self.held) or not needed
         # a law that asked for it may solve for the whole burn
         record["by_legs"] = self.by_legs and needed
-        ends = (arcs["kind"] == BURN) & np.isinf(arcs["duration"])
+        ends = (arcs["kind"] == layout.BURN) & np.isinf(arcs["duration"])
         ends[list(self.held)] = True
         ends[-1] = False
         for k in np.flatnonzero(ends & np.append(arcs["held"][1:] == 1, False)):
@@ -160,7 +150,7 @@ class ArcPlan:
         record["jettison_time"] = self.jettison_time_s
         return record
 
-    def _write_leg_end(self, target: np.void, k: int, arrays: MissionArrays) -> None:
+    def _write_leg_end(self, target: np.void, k: int, arrays: layout.MissionArrays) -> None:
         """Write the target of the leg that ends with burn ``k``.
 
         Args:
@@ -172,7 +162,7 @@ class ArcPlan:
             ValueError: the state there is missing.
         """
         end = self._end(k)
-        target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
+        target["kind"] = layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
         target["radius"] = end.radius
         target["speed"] = end.speed
         target["flight_path_angle"] = end.flight_path_angle
@@ -184,7 +174,7 @@ class ArcPlan:
         if k in self.floored:
             self._hold_perigee(target, k, OVAL)
 
-    def _write_round_end(self, record: np.void, arrays: MissionArrays) -> None:
+    def _write_round_end(self, record: np.void, arrays: layout.MissionArrays) -> None:
         """Write the planned end of the last arc, if its orbit is nearly a circle.
 
         There the direction of the perigee, and the place relative to it, are badly conditioned.
@@ -196,7 +186,7 @@ class ArcPlan:
         end = self.ends.get(len(arrays.arcs) - 1)
         target = arrays.target[0]
         named = int(judged_by(target))
-        if end is None or not named & NAMES_INCLINATION:
+        if end is None or not named & layout.NAMES_INCLINATION:
             return
         mu = float(arrays.environment["mu"][0])
         square = end.radius * end.speed**2 / mu
@@ -206,13 +196,13 @@ class ArcPlan:
             return
         record["ends_round"] = 1
         record["round_end"] = target
-        plane = bool(named & NAMES_ASCENDING_NODE)
-        kinds = TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE
+        plane = bool(named & layout.NAMES_ASCENDING_NODE)
+        kinds = layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION, layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
         record["round_end"]["kind"] = kinds[plane]
         for name in ("radius", "speed", "flight_path_angle"):
             record["round_end"][name] = getattr(end, name)
 
-    def _aim_at_plane(self, record: np.void, arrays: MissionArrays) -> None:
+    def _aim_at_plane(self, record: np.void, arrays: layout.MissionArrays) -> None:
         """Aim at the planned ascending node if the target leaves it free.
 
         Args:
@@ -224,11 +214,14 @@ class ArcPlan:
             record["target"][last] = arrays.target[0]
         target = record["target"][last]
         named = int(target["named"])
-        inclined = named & (NAMES_INCLINATION | NAMES_ASCENDING_NODE) == NAMES_INCLINATION
-        if target["kind"] == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
-            target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
-        elif target["kind"] == TARGET_ELEMENTS and inclined:
-            target["named"] = named | NAMES_ASCENDING_NODE
+        inclined = (
+            named & (layout.NAMES_INCLINATION | layout.NAMES_ASCENDING_NODE)
+            == layout.NAMES_INCLINATION
+        )
+        if target["kind"] == layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+            target["kind"] = layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
+        elif target["kind"] == layout.TARGET_ELEMENTS and inclined:
+            target["named"] = named | layout.NAMES_ASCENDING_NODE
         else:
             return
         record["aims"] = 1
@@ -247,7 +240,7 @@ class ArcPlan:
         orbit = self.orbits.get(k)
         if orbit is None or not least < orbit.eccentricity < 1.0:
             return
-        target["kind"] = TARGET_KEPLERIAN
+        target["kind"] = layout.TARGET_KEPLERIAN
         target["semi_major_axis"] = orbit.semi_major_axis
         target["eccentricity"] = orbit.eccentricity
         target["argument_of_perigee"] = orbit.argument_of_perigee
@@ -263,7 +256,7 @@ class ArcPlan:
         return self.ends[k]
 
 
-def plan_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> ArcPlan:
+def plan_of(trajectory: OfflineTrajectory, arrays: layout.MissionArrays) -> ArcPlan:
     """Build the plan of a mission's free arcs and free end.
 
     Args:
@@ -290,7 +283,7 @@ def plan_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> ArcPlan:
     )
     begin = -math.inf
     for k, start, end in trajectory.flown():
-        burns = arcs["kind"][k] == BURN
+        burns = arcs["kind"][k] == layout.BURN
         free = np.isinf(arcs["duration"][k])
         plan.arc_ends_s[k] = end
         plan.arc_ends_kg[k] = float(trajectory.sample_mass[trajectory.rows_between(start, end)[-1]])
@@ -314,7 +307,7 @@ def plan_of(trajectory: OfflineTrajectory, arrays: MissionArrays) -> ArcPlan:
 
 def _plan_end(
     trajectory: OfflineTrajectory,
-    arrays: MissionArrays,
+    arrays: layout.MissionArrays,
     plan: ArcPlan,
     leg: tuple[int, float, float],
 ) -> None:
@@ -367,7 +360,7 @@ def _check_arcs(trajectory: OfflineTrajectory, arcs: NDArray[np.void]) -> None:
 
 
 def _lifted(
-    trajectory: OfflineTrajectory, at: int, lift: float, arrays: MissionArrays
+    trajectory: OfflineTrajectory, at: int, lift: float, arrays: layout.MissionArrays
 ) -> tuple[Array, Array]:
     """Lift sample ``at``, the end of a burn, by ``lift`` m; return position, m, and velocity, m/s.
 
@@ -383,7 +376,7 @@ def _lifted(
     return lifted(position, velocity, lift, there, mu)
 
 
-def _resumes(trajectory: OfflineTrajectory, arrays: MissionArrays) -> bool:
+def _resumes(trajectory: OfflineTrajectory, arrays: layout.MissionArrays) -> bool:
     """Return whether the plan begins later than a plan of the whole mission would."""
     environment = arrays.environment[0]
     arc, begin = int(trajectory.flown_arc[0]), float(trajectory.sample_time[0])

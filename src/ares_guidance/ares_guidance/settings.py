@@ -8,16 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import (
-    BOOST_PROGRAMME,
-    BOOST_REPLAN,
-    GUIDANCE_SETTINGS,
-    HEATING_MEASURED,
-    HEATING_MODELLED,
-)
+from ares_guidance import arrays as layout
 
-HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
-BOOST_STEERINGS = {"programme": BOOST_PROGRAMME, "replan": BOOST_REPLAN}
+HEATING_SOURCES = {"measured": layout.HEATING_MEASURED, "model": layout.HEATING_MODELLED}
+BOOST_STEERINGS = {"programme": layout.BOOST_PROGRAMME, "replan": layout.BOOST_REPLAN}
 CHOICES = {"heating_source": HEATING_SOURCES, "boost_steering": BOOST_STEERINGS}
 
 
@@ -168,7 +162,7 @@ class LawSettings:
 
     def record(self) -> NDArray[np.void]:
         """Return the settings for the kernels, shape (1,), dtype GUIDANCE_SETTINGS."""
-        record = np.zeros(1, GUIDANCE_SETTINGS)
+        record = np.zeros(1, layout.GUIDANCE_SETTINGS)
         record["cycle_period"] = self.cycle_period_s
         record["hold_time"] = self.hold_time_s
         record["velocity_to_go_tolerance"] = self.velocity_to_go_tolerance_m_s

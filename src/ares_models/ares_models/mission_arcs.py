@@ -8,34 +8,10 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 
+from ares_models import mission_keys as allowed
 from ares_models.arrays import MAX_KNOTS
 from ares_models.input_file import unit_of
-from ares_models.mission_keys import (
-    MIN_TIME_S,
-    Acceleration,
-    Altitude,
-    Area,
-    BucketThrottle,
-    Curve,
-    Delay,
-    Duration,
-    EngineCount,
-    FloorAltitude,
-    FlowTable,
-    Fraction,
-    FreeTime,
-    Inclination,
-    Name,
-    Part,
-    SpecificImpulse,
-    Thrust,
-    ThrustTable,
-    added_later,
-    by_keys,
-    fail,
-    one_of,
-    optional,
-)
+from ares_models.mission_keys import Part, added_later, by_keys, fail, one_of, optional
 from ares_models.ranges import Range
 
 
@@ -57,8 +33,12 @@ def check_curve(
         before, now = curve[k - 1][0], curve[k][0]
         if now < before:
             fail((key, k), list(curve[k]), f"a time of at least {before} s, as before it")
-        if before < now < before + MIN_TIME_S:
-            fail((key, k), list(curve[k]), f"the time of the knot before it, or {MIN_TIME_S} s on")
+        if before < now < before + allowed.MIN_TIME_S:
+            fail(
+                (key, k),
+                list(curve[k]),
+                f"the time of the knot before it, or {allowed.MIN_TIME_S} s on",
+            )
     if end is not None and curve[-1][1] != end:
         fail((key, len(curve) - 1), list(curve[-1]), f"a last thrust fraction of {end:g}")
     if not curve[-1][0] > 0.0:
@@ -120,7 +100,7 @@ def sides(curve: Sequence[tuple[float, float]], t: float) -> tuple[float, float]
 class EngineOut(Part):
     """Hold an engine loss during a burn; the others burn the remaining propellant."""
 
-    time_after_ignition_s: Duration = Field(description="when engines are lost")
+    time_after_ignition_s: allowed.Duration = Field(description="when engines are lost")
     engines: Annotated[int, Range(2, 100)] = Field(description="of so many")
     lost: Annotated[int, Range(1, 99)] = Field(default=1, description="so many")
 
@@ -169,44 +149,46 @@ class BurnArc(Part):
     #: Key of the length.
     LENGTH: ClassVar[str] = "burn_time_s"
 
-    name: Name | None = optional("shown in events; default: the stage's")
-    thrust_n: Thrust | None = optional("full thrust of all engines, vacuum")
-    isp_s: SpecificImpulse | None = optional("vacuum; mass flow is T / (g0 Isp)")
-    engines: EngineCount = Field(default=1, description="that share the thrust")
-    burn_time_s: FreeTime | None = optional("from ignition command to cut-off command, or free")
-    thrust_table: ThrustTable | None = added_later(
+    name: allowed.Name | None = optional("shown in events; default: the stage's")
+    thrust_n: allowed.Thrust | None = optional("full thrust of all engines, vacuum")
+    isp_s: allowed.SpecificImpulse | None = optional("vacuum; mass flow is T / (g0 Isp)")
+    engines: allowed.EngineCount = Field(default=1, description="that share the thrust")
+    burn_time_s: allowed.FreeTime | None = optional(
+        "from ignition command to cut-off command, or free"
+    )
+    thrust_table: allowed.ThrustTable | None = added_later(
         "of a solid motor, in place of thrust_n and burn_time_s: vacuum thrust after "
         "ignition, knots [seconds, newtons]; the burn ends with it"
     )
-    mass_flow_table: FlowTable | None = added_later(
+    mass_flow_table: allowed.FlowTable | None = added_later(
         "beside thrust_table, in place of isp_s: knots [seconds, kilograms per second]"
     )
-    min_s: Delay | None = optional("least length, if it is free")
-    max_s: Duration | None = optional("greatest length, if it is free")
-    min_altitude_m: FloorAltitude | None = added_later("least altitude, all along it")
-    exit_area_m2: Area | None = added_later(
+    min_s: allowed.Delay | None = optional("least length, if it is free")
+    max_s: allowed.Duration | None = optional("greatest length, if it is free")
+    min_altitude_m: allowed.FloorAltitude | None = added_later("least altitude, all along it")
+    exit_area_m2: allowed.Area | None = added_later(
         "of all nozzles together: thrust is that in vacuum less ambient pressure times this"
     )
-    vertical_rise_s: Duration | None = added_later(
+    vertical_rise_s: allowed.Duration | None = added_later(
         "at ignition the thrust is along the vertical for so long"
     )
     attitude: Literal["guided", "held"] = Field(
         default="guided", description="held: the direction at ignition is kept; not for a free burn"
     )
-    max_acceleration_m_s2: Acceleration | None = optional(
+    max_acceleration_m_s2: allowed.Acceleration | None = optional(
         "throttled to this thrust acceleration from where full thrust would pass it"
     )
-    min_throttle: Fraction | None = optional(
+    min_throttle: allowed.Fraction | None = optional(
         "fraction of full thrust below which it is not throttled"
     )
-    throttle_bucket: BucketThrottle | None = added_later(
+    throttle_bucket: allowed.BucketThrottle | None = added_later(
         "fraction of full thrust around the greatest dynamic pressure; from when to "
         "when, the optimizer plans"
     )
-    start: Curve | None = optional(
+    start: allowed.Curve | None = optional(
         "thrust fraction after the ignition command, knots [seconds, fraction]"
     )
-    tail_off: Curve | None = optional(
+    tail_off: allowed.Curve | None = optional(
         "thrust fraction after the cut-off command, knots [seconds, fraction]"
     )
     engine_out: EngineOut | None = optional("the burn loses engines and goes on with the others")
@@ -445,22 +427,24 @@ class CoastArc(Part):
     #: Key of the length.
     LENGTH: ClassVar[str] = "coast_s"
 
-    name: Name | None = optional("shown in events; default: the stage's")
-    coast_s: FreeTime = Field(description="how long, or free")
-    min_s: Delay | None = optional("least length, if it is free")
-    max_s: Duration | None = optional("greatest length, if it is free")
-    min_altitude_m: FloorAltitude | None = added_later(
+    name: allowed.Name | None = optional("shown in events; default: the stage's")
+    coast_s: allowed.FreeTime = Field(description="how long, or free")
+    min_s: allowed.Delay | None = optional("least length, if it is free")
+    max_s: allowed.Duration | None = optional("greatest length, if it is free")
+    min_altitude_m: allowed.FloorAltitude | None = added_later(
         "least altitude, all along it; of a free coast after a burn by default the "
         "edge of the air, 100 km on Earth, unless it begins below that in the ascent"
     )
-    min_perigee_altitude_m: FloorAltitude | None = added_later(
+    min_perigee_altitude_m: allowed.FloorAltitude | None = added_later(
         "least perigee of the orbit it is flown on, above the equatorial radius"
     )
-    perigee_altitude_m: Altitude | None = added_later(
+    perigee_altitude_m: allowed.Altitude | None = added_later(
         "perigee of the orbit it is flown on, above the equatorial radius"
     )
-    apogee_altitude_m: Altitude | None = added_later("its apogee; both are named, or neither")
-    inclination_deg: Inclination | None = added_later("of that orbit, to the equator")
+    apogee_altitude_m: allowed.Altitude | None = added_later(
+        "its apogee; both are named, or neither"
+    )
+    inclination_deg: allowed.Inclination | None = added_later("of that orbit, to the equator")
 
     @model_validator(mode="after")
     def _bounds(self) -> "CoastArc":

@@ -15,26 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
+from ares_models import mission_keys as allowed
 from ares_models.arrays import MAX_KNOTS
 from ares_models.mission_arcs import BurnArc, check_curve
-from ares_models.mission_keys import (
-    HEAVIEST_KG,
-    Area,
-    BallisticCoefficient,
-    Delay,
-    Duration,
-    EngineCount,
-    Mass,
-    Name,
-    Part,
-    SpecificImpulse,
-    Thrust,
-    ThrustTable,
-    added_later,
-    fail,
-    one_of,
-    optional,
-)
+from ares_models.mission_keys import Part, added_later, fail, one_of, optional
 
 if TYPE_CHECKING:
     from ares_models.mission_parts import Stage
@@ -55,26 +39,28 @@ class Booster(Part):
         )
     )
 
-    name: Name = Field(description="unique; shown in events")
-    count: EngineCount = Field(default=1, description="how many; the masses and thrust are of one")
-    dry_mass_kg: Mass = Field(description="what drops when it is empty")
-    propellant_kg: Mass = Field(description="all of it burns")
-    thrust_n: Thrust | None = optional("vacuum")
-    burn_time_s: Duration | None = optional("its mass flow follows")
-    isp_s: SpecificImpulse | None = optional("vacuum, in place of burn_time_s")
-    thrust_table: ThrustTable | None = optional(
+    name: allowed.Name = Field(description="unique; shown in events")
+    count: allowed.EngineCount = Field(
+        default=1, description="how many; the masses and thrust are of one"
+    )
+    dry_mass_kg: allowed.Mass = Field(description="what drops when it is empty")
+    propellant_kg: allowed.Mass = Field(description="all of it burns")
+    thrust_n: allowed.Thrust | None = optional("vacuum")
+    burn_time_s: allowed.Duration | None = optional("its mass flow follows")
+    isp_s: allowed.SpecificImpulse | None = optional("vacuum, in place of burn_time_s")
+    thrust_table: allowed.ThrustTable | None = optional(
         "in place of thrust_n: vacuum thrust after ignition, knots [seconds, newtons]; "
         "the mass flow is in proportion"
     )
-    exit_area_m2: Area | None = optional("of its nozzle")
-    ignition_s: Delay = Field(default=0.0, description="after the ignition of the stage")
-    ballistic_coefficient_kg_m2: BallisticCoefficient | None = added_later(
+    exit_area_m2: allowed.Area | None = optional("of its nozzle")
+    ignition_s: allowed.Delay = Field(default=0.0, description="after the ignition of the stage")
+    ballistic_coefficient_kg_m2: allowed.BallisticCoefficient | None = added_later(
         "of one as it falls: mass over drag coefficient times area"
     )
 
     @model_validator(mode="after")
     def _one_form(self) -> "Booster":
-        most = HEAVIEST_KG / self.count
+        most = allowed.HEAVIEST_KG / self.count
         if self.dry_mass_kg > most:
             expected = f"at most {most:g} kg, because {self.count} of them drop at once"
             fail(("dry_mass_kg",), self.dry_mass_kg, expected)

@@ -17,13 +17,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ares_models.arrays import (
-    MAX_DRAG_KNOTS,
-    MAX_KNOTS,
-    MAX_PROGRAMME,
-    MAX_VERTICES,
-    MAX_WIND_KNOTS,
-)
+from ares_models import arrays as layout
 from ares_models.input_file import KeyPath
 from ares_models.ranges import Range
 
@@ -134,21 +128,23 @@ FlowKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e9)]]
 CoefficientKnot = tuple[Annotated[float, Range(0.0, 1e3)], Annotated[float, Range(0.0, 100.0)]]
 AttitudeKnot = tuple[Annotated[float, Range(-1e6, 1e9)], FlightPathAngle, Turn]
 Vertex = tuple[Latitude, Turn]
-Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
-Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
-ThrustTable = Annotated[tuple[ThrustKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=layout.MAX_VERTICES)]
+Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=layout.MAX_KNOTS)]
+ThrustTable = Annotated[tuple[ThrustKnot, ...], Field(min_length=2, max_length=layout.MAX_KNOTS)]
 #: Altitude, and components of the wind to the east and to the north.
 WindAltitude = Annotated[float, Range(-1e3, MAX_WIND_ALTITUDE_M)]
 WindSpeed = Annotated[float, Range(-200.0, 200.0)]
 WindTable = Annotated[
     tuple[tuple[WindAltitude, WindSpeed, WindSpeed], ...],
-    Field(min_length=1, max_length=MAX_WIND_KNOTS),
+    Field(min_length=1, max_length=layout.MAX_WIND_KNOTS),
 ]
 CoefficientTable = Annotated[
-    tuple[CoefficientKnot, ...], Field(min_length=1, max_length=MAX_DRAG_KNOTS)
+    tuple[CoefficientKnot, ...], Field(min_length=1, max_length=layout.MAX_DRAG_KNOTS)
 ]
-AttitudeTable = Annotated[tuple[AttitudeKnot, ...], Field(min_length=1, max_length=MAX_PROGRAMME)]
-FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+AttitudeTable = Annotated[
+    tuple[AttitudeKnot, ...], Field(min_length=1, max_length=layout.MAX_PROGRAMME)
+]
+FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=layout.MAX_KNOTS)]
 
 
 def _moment(value: object) -> object:

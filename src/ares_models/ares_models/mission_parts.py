@@ -10,65 +10,21 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, model_validator
 
+from ares_models import mission_keys as allowed
 from ares_models.arrays import MAX_ARCS, MAX_AREAS
 from ares_models.input_file import KeyPath
 from ares_models.mission_arcs import BURN_FORMS, Arc, BurnArc, CoastArc, EngineOut, shortest
 from ares_models.mission_boosters import Booster, BurnPart, burn_parts
-from ares_models.mission_keys import (
-    Acceleration,
-    Area,
-    AreaRadius,
-    BallisticCoefficient,
-    BodyRadius,
-    BucketThrottle,
-    CoefficientTable,
-    Curve,
-    Delay,
-    DensityFactor,
-    Duration,
-    EngineCount,
-    FloorAltitude,
-    FlowTable,
-    Fraction,
-    FreeTime,
-    GeomagneticIndex,
-    GravitationalParameter,
-    HeatingRate,
-    Latitude,
-    Load,
-    Mass,
-    MissionTime,
-    Name,
-    Oblateness,
-    Part,
-    Pressure,
-    RotationRate,
-    SafeAltitude,
-    ScaleHeight,
-    SolarFlux,
-    SpecificImpulse,
-    StandardGravity,
-    SurfaceDensity,
-    Thrust,
-    ThrustTable,
-    Turn,
-    Vertices,
-    WindTable,
-    added_later,
-    check_rising,
-    fail,
-    one_of,
-    optional,
-)
+from ares_models.mission_keys import Part, added_later, check_rising, fail, one_of, optional
 
 
 class EarthPart(Part):
     """Hold figure and rotation of the body."""
 
-    equatorial_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
-    polar_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
-    rotation_rate_rad_s: RotationRate = Field(description="about z")
-    zero_longitude_deg: Turn | None = added_later(
+    equatorial_radius_m: allowed.BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
+    polar_radius_m: allowed.BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
+    rotation_rate_rad_s: allowed.RotationRate = Field(description="about z")
+    zero_longitude_deg: allowed.Turn | None = added_later(
         "right ascension of longitude zero at mission time 0, from the inertial x axis"
     )
 
@@ -98,19 +54,23 @@ class AtmospherePart(Part):
         description="which atmosphere; nrlmsis takes place, day and activity from the keys below, "
         "exponential density and scale height"
     )
-    density_factor: DensityFactor = Field(default=1.0, description="multiplies every density")
-    f107: SolarFlux | None = optional(
+    density_factor: allowed.DensityFactor = Field(
+        default=1.0, description="multiplies every density"
+    )
+    f107: allowed.SolarFlux | None = optional(
         "solar flux of the day, 1e-22 W/m2/Hz; for nrlmsis and only there"
     )
-    f107a: SolarFlux | None = optional("its 81-day mean; for nrlmsis")
-    ap: GeomagneticIndex | None = optional("geomagnetic index, for nrlmsis")
-    latitude_deg: Latitude | None = optional("place, for nrlmsis")
-    longitude_deg: Turn | None = optional("place, for nrlmsis")
-    surface_density_kg_m3: SurfaceDensity | None = added_later("at altitude 0, for exponential")
-    scale_height_m: ScaleHeight | None = added_later(
+    f107a: allowed.SolarFlux | None = optional("its 81-day mean; for nrlmsis")
+    ap: allowed.GeomagneticIndex | None = optional("geomagnetic index, for nrlmsis")
+    latitude_deg: allowed.Latitude | None = optional("place, for nrlmsis")
+    longitude_deg: allowed.Turn | None = optional("place, for nrlmsis")
+    surface_density_kg_m3: allowed.SurfaceDensity | None = added_later(
+        "at altitude 0, for exponential"
+    )
+    scale_height_m: allowed.ScaleHeight | None = added_later(
         "climb over which density falls by e, for exponential"
     )
-    wind_table: WindTable | None = added_later(
+    wind_table: allowed.WindTable | None = added_later(
         "knots [metres of altitude, metres per second to the east, to the north]; "
         "monotone between them, constant below the first, fading to none over 20 km above the last"
     )
@@ -136,11 +96,13 @@ class AtmospherePart(Part):
 class EnvironmentPart(Part):
     """Hold gravity, body, altitude model and atmosphere."""
 
-    mu_m3_s2: GravitationalParameter = Field(description="gravitational parameter")
-    g0_m_s2: StandardGravity = Field(
+    mu_m3_s2: allowed.GravitationalParameter = Field(description="gravitational parameter")
+    g0_m_s2: allowed.StandardGravity = Field(
         default=9.80665, description="turns specific impulse into exhaust velocity"
     )
-    j2: Oblateness = Field(default=0.0, description="oblateness term of gravity; 0 is Eq. 2.13")
+    j2: allowed.Oblateness = Field(
+        default=0.0, description="oblateness term of gravity; 0 is Eq. 2.13"
+    )
     earth: EarthPart = Field(description="figure and rotation of the body")
     altitude: Literal["ellipsoid", "spherical"] = Field(
         default="ellipsoid", description="above the ellipsoid, or r minus equatorial radius"
@@ -159,22 +121,22 @@ class AerodynamicsPart(Part):
 
     model_config = ConfigDict(json_schema_extra=one_of(("drag_table",), ("axial_table",)))
 
-    reference_area_m2: Area = Field(description="of all coefficients")
-    drag_table: CoefficientTable | None = added_later(
+    reference_area_m2: allowed.Area = Field(description="of all coefficients")
+    drag_table: allowed.CoefficientTable | None = added_later(
         "drag coefficient, knots [Mach number, coefficient]; monotone between them, "
         "constant beyond both ends"
     )
-    lift_table: CoefficientTable | None = added_later(
+    lift_table: allowed.CoefficientTable | None = added_later(
         "beside drag_table: lift coefficient per unit of the sine of the angle of attack, likewise"
     )
-    axial_table: CoefficientTable | None = added_later(
+    axial_table: allowed.CoefficientTable | None = added_later(
         "in place of drag_table: coefficient of the force against the thrust axis"
     )
-    normal_table: CoefficientTable | None = added_later(
+    normal_table: allowed.CoefficientTable | None = added_later(
         "beside axial_table: coefficient of the force across that axis per unit of "
         "the sine of the angle of attack"
     )
-    power_off_table: CoefficientTable | None = added_later(
+    power_off_table: allowed.CoefficientTable | None = added_later(
         "drag or axial coefficient in coasts, with the drag of the base"
     )
 
@@ -199,7 +161,7 @@ class AerodynamicsPart(Part):
             check_rising(key, table, MIN_MACH_STEP, "a Mach number")
         return self
 
-    def along(self, burns: bool) -> CoefficientTable:
+    def along(self, burns: bool) -> allowed.CoefficientTable:
         """Return the coefficients of drag or axial force, in a burn or in a coast."""
         if not burns and self.power_off_table is not None:
             return self.power_off_table
@@ -216,11 +178,11 @@ class AreaPart(Part):
 
     model_config = ConfigDict(json_schema_extra=one_of(_CIRCLE, ("vertices_deg",)))
 
-    name: Name = Field(description="unique; at most 80 characters")
-    latitude_deg: Latitude | None = optional("of the centre of a circle, geodetic")
-    longitude_deg: Turn | None = optional("of the centre of a circle, positive to the east")
-    radius_m: AreaRadius | None = optional("of a circle, over the ground")
-    vertices_deg: Vertices | None = optional(
+    name: allowed.Name = Field(description="unique; at most 80 characters")
+    latitude_deg: allowed.Latitude | None = optional("of the centre of a circle, geodetic")
+    longitude_deg: allowed.Turn | None = optional("of the centre of a circle, positive to the east")
+    radius_m: allowed.AreaRadius | None = optional("of a circle, over the ground")
+    vertices_deg: allowed.Vertices | None = optional(
         "corners of a polygon in turn, [latitude, longitude] each"
     )
 
@@ -240,7 +202,7 @@ class AreaPart(Part):
 class AbortPart(Part):
     """Hold the aims for a target out of reach: a safe orbit, and areas to avoid."""
 
-    safe_perigee_altitude_m: SafeAltitude = Field(
+    safe_perigee_altitude_m: allowed.SafeAltitude = Field(
         description="least perigee of an orbit that is safe, above the equatorial radius"
     )
     avoid: Annotated[tuple[AreaPart, ...], Field(max_length=MAX_AREAS)] = Field(
@@ -270,13 +232,17 @@ class Stage(Part):
 
     model_config = ConfigDict(json_schema_extra=one_of(("arcs",), *BURN_FORMS))
 
-    name: Name = Field(description="unique; at most 80 characters")
-    ignition_mass_kg: Mass | None = optional(
+    name: allowed.Name = Field(description="unique; at most 80 characters")
+    ignition_mass_kg: allowed.Mass | None = optional(
         "this stage and everything above it, at the moment the stage begins"
     )
-    dry_mass_kg: Mass | None = added_later("in place of ignition_mass_kg: of the empty stage alone")
-    propellant_kg: Mass | None = optional("usable by the whole stage, shared by its burns")
-    residuals_kg: Load | None = added_later("beside dry_mass_kg: propellant that cannot be used")
+    dry_mass_kg: allowed.Mass | None = added_later(
+        "in place of ignition_mass_kg: of the empty stage alone"
+    )
+    propellant_kg: allowed.Mass | None = optional("usable by the whole stage, shared by its burns")
+    residuals_kg: allowed.Load | None = added_later(
+        "beside dry_mass_kg: propellant that cannot be used"
+    )
     arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = Field(
         default=None,
         description="burns and coasts in order",
@@ -290,30 +256,32 @@ class Stage(Part):
     aerodynamics: AerodynamicsPart | None = added_later(
         "of the vehicle while this stage is the lowest; default: that of the mission"
     )
-    ballistic_coefficient_kg_m2: BallisticCoefficient | None = added_later(
+    ballistic_coefficient_kg_m2: allowed.BallisticCoefficient | None = added_later(
         "of the stage as it falls: mass over drag coefficient times area"
     )
-    max_dynamic_pressure_pa: Pressure | None = added_later("greatest 0.5 rho V^2 of the stage")
-    max_q_alpha_pa_rad: Pressure | None = added_later(
+    max_dynamic_pressure_pa: allowed.Pressure | None = added_later(
+        "greatest 0.5 rho V^2 of the stage"
+    )
+    max_q_alpha_pa_rad: allowed.Pressure | None = added_later(
         "greatest dynamic pressure times sine of the angle of attack of the stage"
     )
-    thrust_n: Thrust | None = _of_burn("thrust_n", None)
-    isp_s: SpecificImpulse | None = _of_burn("isp_s", None)
-    engines: EngineCount = _of_burn("engines", 1)
-    burn_time_s: FreeTime | None = _of_burn("burn_time_s", None)
-    thrust_table: ThrustTable | None = _of_burn("thrust_table", None)
-    mass_flow_table: FlowTable | None = _of_burn("mass_flow_table", None)
-    min_s: Delay | None = _of_burn("min_s", None)
-    max_s: Duration | None = _of_burn("max_s", None)
-    min_altitude_m: FloorAltitude | None = _of_burn("min_altitude_m", None)
-    exit_area_m2: Area | None = _of_burn("exit_area_m2", None)
-    vertical_rise_s: Duration | None = _of_burn("vertical_rise_s", None)
+    thrust_n: allowed.Thrust | None = _of_burn("thrust_n", None)
+    isp_s: allowed.SpecificImpulse | None = _of_burn("isp_s", None)
+    engines: allowed.EngineCount = _of_burn("engines", 1)
+    burn_time_s: allowed.FreeTime | None = _of_burn("burn_time_s", None)
+    thrust_table: allowed.ThrustTable | None = _of_burn("thrust_table", None)
+    mass_flow_table: allowed.FlowTable | None = _of_burn("mass_flow_table", None)
+    min_s: allowed.Delay | None = _of_burn("min_s", None)
+    max_s: allowed.Duration | None = _of_burn("max_s", None)
+    min_altitude_m: allowed.FloorAltitude | None = _of_burn("min_altitude_m", None)
+    exit_area_m2: allowed.Area | None = _of_burn("exit_area_m2", None)
+    vertical_rise_s: allowed.Duration | None = _of_burn("vertical_rise_s", None)
     attitude: Literal["guided", "held"] = _of_burn("attitude", "guided")
-    max_acceleration_m_s2: Acceleration | None = _of_burn("max_acceleration_m_s2", None)
-    min_throttle: Fraction | None = _of_burn("min_throttle", None)
-    throttle_bucket: BucketThrottle | None = _of_burn("throttle_bucket", None)
-    start: Curve | None = _of_burn("start", None)
-    tail_off: Curve | None = _of_burn("tail_off", None)
+    max_acceleration_m_s2: allowed.Acceleration | None = _of_burn("max_acceleration_m_s2", None)
+    min_throttle: allowed.Fraction | None = _of_burn("min_throttle", None)
+    throttle_bucket: allowed.BucketThrottle | None = _of_burn("throttle_bucket", None)
+    start: allowed.Curve | None = _of_burn("start", None)
+    tail_off: allowed.Curve | None = _of_burn("tail_off", None)
     engine_out: EngineOut | None = _of_burn("engine_out", None)
 
     @model_validator(mode="after")
@@ -430,20 +398,20 @@ class Jettison(Part):
         json_schema_extra=one_of(("heating_limit_w_m2",), ("time_s",), ("time_after_ignition_s",))
     )
 
-    name: Name = Field(description="unique; at most 80 characters")
-    mass_kg: Mass = Field(description="what is dropped")
-    stage: Name = Field(description="name of a stage: not before its first ignition")
-    heating_limit_w_m2: HeatingRate | None = optional(
+    name: allowed.Name = Field(description="unique; at most 80 characters")
+    mass_kg: allowed.Mass = Field(description="what is dropped")
+    stage: allowed.Name = Field(description="name of a stage: not before its first ignition")
+    heating_limit_w_m2: allowed.HeatingRate | None = optional(
         "when free molecular heating, 0.5 rho V_rel^3, has fallen below this"
     )
     heating_limit_holds: HeatingLimitHolds = Field(
         default="at_jettison", description="at the jettison, or from then until cut-off"
     )
-    time_s: MissionTime | None = optional("at this mission elapsed time")
-    time_after_ignition_s: Delay | None = optional(
+    time_s: allowed.MissionTime | None = optional("at this mission elapsed time")
+    time_after_ignition_s: allowed.Delay | None = optional(
         "so long after the stage's first ignition command"
     )
-    ballistic_coefficient_kg_m2: BallisticCoefficient | None = added_later(
+    ballistic_coefficient_kg_m2: allowed.BallisticCoefficient | None = added_later(
         "of the part as it falls: mass over drag coefficient times area"
     )
 

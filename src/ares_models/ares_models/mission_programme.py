@@ -9,21 +9,10 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from ares_models import arrays as layout
+from ares_models import mission_keys as allowed
 from ares_models.kernels.boost import horizon
 from ares_models.mission_arcs import BurnArc
-from ares_models.mission_keys import (
-    AttitudeTable,
-    FloorAltitude,
-    Kick,
-    MissionTime,
-    Name,
-    Part,
-    Speed,
-    Turn,
-    fail,
-    one_of,
-    optional,
-)
+from ares_models.mission_keys import Part, fail, one_of, optional
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -43,9 +32,9 @@ class WhenPart(Part):
 
     model_config = ConfigDict(json_schema_extra=one_of(*((key,) for key in OVER)))
 
-    time_s: MissionTime | None = optional("at this mission elapsed time")
-    altitude_m: FloorAltitude | None = optional("where this altitude is reached")
-    speed_m_s: Speed | None = optional("where this speed in the air is reached")
+    time_s: allowed.MissionTime | None = optional("at this mission elapsed time")
+    altitude_m: allowed.FloorAltitude | None = optional("where this altitude is reached")
+    speed_m_s: allowed.Speed | None = optional("where this speed in the air is reached")
 
     @model_validator(mode="after")
     def _one_form(self) -> "WhenPart":
@@ -66,7 +55,7 @@ class UntilPart(WhenPart):
 
     model_config = ConfigDict(json_schema_extra=one_of(*((key,) for key in OVER), ("end_of",)))
 
-    end_of: Name | None = optional("name of a stage, a burn or a coast that it ends with")
+    end_of: allowed.Name | None = optional("name of a stage, a burn or a coast that it ends with")
 
 
 class ProgrammePart(Part):
@@ -79,7 +68,7 @@ class ProgrammePart(Part):
     over: Literal["time_s", "altitude_m", "speed_m_s"] | None = optional(
         "what the table goes by: mission elapsed time, altitude, or speed in the air"
     )
-    table: AttitudeTable | None = optional(
+    table: allowed.AttitudeTable | None = optional(
         "of the thrust, knots [time, altitude or speed, pitch above the horizon in "
         "deg, azimuth from north to east in deg]; straight between them, constant beyond both ends"
     )
@@ -97,8 +86,8 @@ class ProgrammePart(Part):
         "in place of over and table: vertical until then, then off it, then along the "
         "velocity in the air"
     )
-    kick_deg: Kick | None = optional("off the vertical until the velocity is so too")
-    azimuth_deg: Turn | None = optional("of the kick, from north to east")
+    kick_deg: allowed.Kick | None = optional("off the vertical until the velocity is so too")
+    azimuth_deg: allowed.Turn | None = optional("of the kick, from north to east")
     until: UntilPart | None = optional(
         "its end, after which guidance takes over; default: none, no law guides"
     )

@@ -11,26 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from ares_models import mission_keys as allowed
 from ares_models.earth import Earth, LaunchAngles
 from ares_models.geodesy import earth_fixed_place, inertial_state, velocity_over_ground
-from ares_models.mission_keys import (
-    AnyEccentricity,
-    AnySemiMajorAxis,
-    Coordinate,
-    Delay,
-    FlightPathAngle,
-    Inclination,
-    Latitude,
-    MissionTime,
-    Part,
-    Radius,
-    Speed,
-    Turn,
-    VelocityComponent,
-    added_later,
-    by_keys,
-    fail,
-)
+from ares_models.mission_keys import Part, added_later, by_keys, fail
 from ares_models.orbits import Elements
 from ares_models.ranges import Range
 from ares_models.tolerances import ROUNDING_M
@@ -47,8 +31,8 @@ LAUNCH_M_S = 100.0
 #: Least perigee radius of an initial state by elements, m.
 LEAST_PERIGEE_M = 1.0
 
-Position = tuple[Coordinate, Coordinate, Coordinate]
-Velocity = tuple[VelocityComponent, VelocityComponent, VelocityComponent]
+Position = tuple[allowed.Coordinate, allowed.Coordinate, allowed.Coordinate]
+Velocity = tuple[allowed.VelocityComponent, allowed.VelocityComponent, allowed.VelocityComponent]
 StartAltitude = Annotated[float, Range(0.0, 1e9)]
 RailLength = Annotated[float, Range(0.1, 1e3)]
 RailElevation = Annotated[float, Range(10.0, 90.0)]
@@ -69,7 +53,7 @@ class InitialStatePart(Part):
     ON_GROUND: ClassVar[bool] = False
     AT_REST: ClassVar[bool] = False
 
-    time_s: MissionTime = Field(description="mission elapsed time")
+    time_s: allowed.MissionTime = Field(description="mission elapsed time")
 
     @property
     def is_launch(self) -> bool:
@@ -102,12 +86,14 @@ class StateAngles(InitialStatePart):
     PLACE = "radius_m"
     MOTION = "speed_m_s"
 
-    latitude_deg: Latitude = Field(description="geocentric")
-    right_ascension_deg: Turn = Field(description="from the inertial x axis, not from Greenwich")
-    radius_m: Radius = Field(description="from the centre")
-    speed_m_s: Speed = Field(description="inertial")
-    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
-    azimuth_deg: Turn = Field(description="of the inertial velocity, north to east")
+    latitude_deg: allowed.Latitude = Field(description="geocentric")
+    right_ascension_deg: allowed.Turn = Field(
+        description="from the inertial x axis, not from Greenwich"
+    )
+    radius_m: allowed.Radius = Field(description="from the centre")
+    speed_m_s: allowed.Speed = Field(description="inertial")
+    flight_path_angle_deg: allowed.FlightPathAngle = Field(description="of the inertial velocity")
+    azimuth_deg: allowed.Turn = Field(description="of the inertial velocity, north to east")
 
     def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
@@ -127,12 +113,12 @@ class StateElements(InitialStatePart):
     PLACE = "semi_major_axis_m"
     MOTION = "semi_major_axis_m"
 
-    semi_major_axis_m: AnySemiMajorAxis = Field(description="negative for a hyperbola")
-    eccentricity: AnyEccentricity = Field(description="not 1")
-    inclination_deg: Inclination = Field(description="to the equator")
-    ascending_node_deg: Turn = Field(description="from the inertial x axis")
-    argument_of_perigee_deg: Turn = Field(description="from the node")
-    true_anomaly_deg: Turn = Field(description="from perigee")
+    semi_major_axis_m: allowed.AnySemiMajorAxis = Field(description="negative for a hyperbola")
+    eccentricity: allowed.AnyEccentricity = Field(description="not 1")
+    inclination_deg: allowed.Inclination = Field(description="to the equator")
+    ascending_node_deg: allowed.Turn = Field(description="from the inertial x axis")
+    argument_of_perigee_deg: allowed.Turn = Field(description="from the node")
+    true_anomaly_deg: allowed.Turn = Field(description="from perigee")
 
     @model_validator(mode="after")
     def _conic(self) -> "StateElements":
@@ -166,7 +152,7 @@ class Rail(Part):
 
     length_m: RailLength = Field(description="that the vehicle travels from ignition on")
     elevation_deg: RailElevation = Field(description="above the horizon")
-    azimuth_deg: Turn = Field(description="north to east")
+    azimuth_deg: allowed.Turn = Field(description="north to east")
 
 
 class StateOnPad(InitialStatePart):
@@ -177,10 +163,10 @@ class StateOnPad(InitialStatePart):
     ON_GROUND = True
     AT_REST = True
 
-    geodetic_latitude_deg: Latitude = Field(description="of the normal of the ellipsoid")
-    longitude_deg: Turn = Field(description="from longitude zero, positive to the east")
+    geodetic_latitude_deg: allowed.Latitude = Field(description="of the normal of the ellipsoid")
+    longitude_deg: allowed.Turn = Field(description="from longitude zero, positive to the east")
     altitude_m: StartAltitude = Field(description="above the ellipsoid")
-    hold_down_s: Delay | None = added_later(
+    hold_down_s: allowed.Delay | None = added_later(
         "from ignition until the pad releases the vehicle, which is at time_s"
     )
     rail: Rail | None = added_later(
@@ -221,12 +207,14 @@ class StateOverGround(InitialStatePart):
     MOTION = "ground_speed_m_s"
     ON_GROUND = True
 
-    geodetic_latitude_deg: Latitude = Field(description="of the normal of the ellipsoid")
-    longitude_deg: Turn = Field(description="from longitude zero, positive to the east")
+    geodetic_latitude_deg: allowed.Latitude = Field(description="of the normal of the ellipsoid")
+    longitude_deg: allowed.Turn = Field(description="from longitude zero, positive to the east")
     altitude_m: StartAltitude = Field(description="above the ellipsoid")
-    ground_speed_m_s: Speed = Field(description="relative to the body that turns")
-    elevation_deg: FlightPathAngle = Field(description="of that velocity, above the horizon")
-    ground_azimuth_deg: Turn = Field(description="of that velocity, north to east")
+    ground_speed_m_s: allowed.Speed = Field(description="relative to the body that turns")
+    elevation_deg: allowed.FlightPathAngle = Field(
+        description="of that velocity, above the horizon"
+    )
+    ground_azimuth_deg: allowed.Turn = Field(description="of that velocity, north to east")
 
     @property
     def is_launch(self) -> bool:

@@ -10,25 +10,10 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from ares_models import arrays as layout
+from ares_models import mission_keys as allowed
 from ares_models.conic import Conic, complete
 from ares_models.mission_arcs import ORBIT_KEYS, CoastArc
-from ares_models.mission_keys import (
-    Altitude,
-    AnyEccentricity,
-    AnySemiMajorAxis,
-    FlightPathAngle,
-    Inclination,
-    Latitude,
-    LocalTime,
-    Part,
-    Radius,
-    Speed,
-    Turn,
-    added_later,
-    by_keys,
-    fail,
-    optional,
-)
+from ares_models.mission_keys import Part, added_later, by_keys, fail, optional
 from ares_models.ranges import Range
 from ares_models.sidereal import (
     greenwich_sidereal_time_deg,
@@ -57,10 +42,10 @@ _NODES = ("ascending_node_deg", "raan_deg", "local_time_of_node_h")
 class _TargetPlane(Part):
     """Hold the ascending node of a target in one of three forms, or free."""
 
-    raan_deg: Turn | None = added_later(
+    raan_deg: allowed.Turn | None = added_later(
         "in place of ascending_node_deg: from the mean equinox of the epoch"
     )
-    local_time_of_node_h: LocalTime | None = added_later(
+    local_time_of_node_h: allowed.LocalTime | None = added_later(
         "in place of ascending_node_deg: mean solar time there at the epoch"
     )
 
@@ -121,11 +106,11 @@ def _equinox_deg(mission: "Mission", key: str, value: float) -> float:
 class TargetState(_TargetPlane):
     """Hold a target by radius, speed, flight-path angle, inclination and, optionally, node."""
 
-    radius_m: Radius = Field(description="from the centre")
-    speed_m_s: Speed = Field(description="inertial")
-    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
-    inclination_deg: Inclination = Field(description="to the equator")
-    ascending_node_deg: Turn | None = optional("if the plane is fixed")
+    radius_m: allowed.Radius = Field(description="from the centre")
+    speed_m_s: allowed.Speed = Field(description="inertial")
+    flight_path_angle_deg: allowed.FlightPathAngle = Field(description="of the inertial velocity")
+    inclination_deg: allowed.Inclination = Field(description="to the equator")
+    ascending_node_deg: allowed.Turn | None = optional("if the plane is fixed")
 
     def check(self, mission: "Mission") -> None:
         """Report a radius below the surface, or a speed far from an orbital one."""
@@ -188,23 +173,25 @@ _NAMES_STATE = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PA
 class TargetOrbit(_TargetPlane):
     """Hold a target by orbital elements, each given or free."""
 
-    perigee_radius_m: Radius | None = optional("from the centre")
-    perigee_altitude_m: Altitude | None = optional("above the equatorial radius")
-    apogee_radius_m: Radius | None = optional("from the centre")
-    apogee_altitude_m: Altitude | None = optional("above the equatorial radius")
-    semi_major_axis_m: AnySemiMajorAxis | None = optional("negative for a hyperbola")
-    eccentricity: AnyEccentricity | None = optional("beside another of size and shape")
+    perigee_radius_m: allowed.Radius | None = optional("from the centre")
+    perigee_altitude_m: allowed.Altitude | None = optional("above the equatorial radius")
+    apogee_radius_m: allowed.Radius | None = optional("from the centre")
+    apogee_altitude_m: allowed.Altitude | None = optional("above the equatorial radius")
+    semi_major_axis_m: allowed.AnySemiMajorAxis | None = optional("negative for a hyperbola")
+    eccentricity: allowed.AnyEccentricity | None = optional("beside another of size and shape")
     c3_m2_s2: CharacteristicEnergy | None = optional("twice the energy: 0 or more escapes")
-    inclination_deg: Inclination | None = optional("to the equator")
-    ascending_node_deg: Turn | None = optional("from the inertial x axis")
-    argument_of_perigee_deg: Turn | None = optional("from the node")
-    argument_of_latitude_deg: Turn | None = added_later(
+    inclination_deg: allowed.Inclination | None = optional("to the equator")
+    ascending_node_deg: allowed.Turn | None = optional("from the inertial x axis")
+    argument_of_perigee_deg: allowed.Turn | None = optional("from the node")
+    argument_of_latitude_deg: allowed.Turn | None = added_later(
         "from the node to the cut-off; the argument of perigee or the anomaly follows"
     )
-    dla_deg: Latitude | None = added_later("declination of the outgoing asymptote")
-    rla_deg: Turn | None = added_later("its right ascension, from the mean equinox of the epoch")
+    dla_deg: allowed.Latitude | None = added_later("declination of the outgoing asymptote")
+    rla_deg: allowed.Turn | None = added_later(
+        "its right ascension, from the mean equinox of the epoch"
+    )
     at: Literal["perigee", "apogee"] | None = optional("where on it")
-    true_anomaly_deg: Turn | None = optional("the same as an angle from perigee")
+    true_anomaly_deg: allowed.Turn | None = optional("the same as an angle from perigee")
 
     def key_of(self, element: str) -> str:
         """Return the key of the file that gives an element."""

@@ -5,60 +5,44 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ares_models.passage import Passage
-from ares_vehicle_sim.arrays import (
-    ARC_ENDED,
-    CUTOFF,
-    DEPLETION,
-    FAILED,
-    FLIGHT_COMPLETE,
-    FLIGHT_STARTED,
-    GUIDANCE_BACK,
-    GUIDANCE_LOST,
-    IGNITION,
-    IMPACT,
-    JETTISON_DONE,
-    JETTISON_STUCK,
-    OVER_LIMIT,
-    STAGING,
-    TIME_LIMIT,
-)
+from ares_vehicle_sim import arrays as events
 
 #: What is found in states and statuses, beside the events that the simulator tells.
 MACH_1, MAX_Q, HAND_OVER = 256, 257, 258
 EVENT_NAMES = {
-    FLIGHT_STARTED: "flight started",
-    IGNITION: "ignition",
-    ARC_ENDED: "arc ended",
-    STAGING: "staging",
-    JETTISON_DONE: "jettison",
-    CUTOFF: "main-engine cut-off",
-    DEPLETION: "propellant depleted",
-    FLIGHT_COMPLETE: "flight complete",
-    IMPACT: "impact",
-    TIME_LIMIT: "time limit",
-    GUIDANCE_LOST: "no answer from guidance",
-    GUIDANCE_BACK: "guidance answers again",
-    FAILED: "failure",
-    JETTISON_STUCK: "jettison stuck",
-    OVER_LIMIT: "acceleration over its limit",
+    events.FLIGHT_STARTED: "flight started",
+    events.IGNITION: "ignition",
+    events.ARC_ENDED: "arc ended",
+    events.STAGING: "staging",
+    events.JETTISON_DONE: "jettison",
+    events.CUTOFF: "main-engine cut-off",
+    events.DEPLETION: "propellant depleted",
+    events.FLIGHT_COMPLETE: "flight complete",
+    events.IMPACT: "impact",
+    events.TIME_LIMIT: "time limit",
+    events.GUIDANCE_LOST: "no answer from guidance",
+    events.GUIDANCE_BACK: "guidance answers again",
+    events.FAILED: "failure",
+    events.JETTISON_STUCK: "jettison stuck",
+    events.OVER_LIMIT: "acceleration over its limit",
     MACH_1: "Mach 1",
     MAX_Q: "greatest dynamic pressure",
     HAND_OVER: "hand-over: closed-loop guidance begins",
 }
 #: Events marked in plots, with their labels.
 MARKS = {
-    STAGING: "staging",
-    JETTISON_DONE: "jettison",
-    CUTOFF: "cut-off",
-    FAILED: "failure",
-    JETTISON_STUCK: "stuck",
-    OVER_LIMIT: "over limit",
+    events.STAGING: "staging",
+    events.JETTISON_DONE: "jettison",
+    events.CUTOFF: "cut-off",
+    events.FAILED: "failure",
+    events.JETTISON_STUCK: "stuck",
+    events.OVER_LIMIT: "over limit",
     MACH_1: "Mach 1",
     MAX_Q: "max q",
     HAND_OVER: "hand-over",
 }
 #: Events that end the flight.
-ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
+ENDS = (events.FLIGHT_COMPLETE, events.IMPACT, events.TIME_LIMIT)
 
 
 def event_name(
@@ -80,19 +64,19 @@ def event_name(
         held_s: time from the first ignition to the release, where the flight begins.
     """
     lists = {
-        IGNITION: arcs,
-        ARC_ENDED: arcs,
-        STAGING: stages,
-        JETTISON_DONE: jettisons,
-        FAILED: arcs,
-        JETTISON_STUCK: jettisons,
-        OVER_LIMIT: arcs,
-        DEPLETION: stages,
+        events.IGNITION: arcs,
+        events.ARC_ENDED: arcs,
+        events.STAGING: stages,
+        events.JETTISON_DONE: jettisons,
+        events.FAILED: arcs,
+        events.JETTISON_STUCK: jettisons,
+        events.OVER_LIMIT: arcs,
+        events.DEPLETION: stages,
     }
     name = EVENT_NAMES.get(kind, f"event {kind}")
     names = lists.get(kind, ())
     text = f"{name}: {names[index]}" if index < len(names) else name
-    if kind == IGNITION and index == 0 and held_s > 0.0:
+    if kind == events.IGNITION and index == 0 and held_s > 0.0:
         return f"release, {held_s:.4g} s after {text}"
     return text
 

@@ -8,20 +8,10 @@ from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock
 
 from ares_msgs.msg import FlightEvent, NavState, VehicleState
+from ares_node import qos
 from ares_node.diagnostics import FLIGHT_TIME_S, Timing, pace_message
 from ares_node.membership import Membership
 from ares_node.node import FlightNode
-from ares_node.qos import (
-    CLOCK,
-    CLOCK_QOS,
-    DIAGNOSTIC,
-    EVENTS,
-    FLIGHT,
-    FLIGHT_EVENT,
-    NAV_STATE,
-    TIMING,
-    VEHICLE_STATE,
-)
 from ares_node.seal import canonical
 from ares_node.states import StateMessage, clock_data
 from ares_node.time import NANOSECONDS, ns_from_seconds, stamp_from_ns
@@ -36,11 +26,11 @@ class FlightPublishers:
         self._node = node
         self._membership = membership
         self._simulator = simulator
-        self._clock_out = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
-        self._nav_out = node.create_publisher(NavState, NAV_STATE, FLIGHT)
-        self._truth_out = node.create_publisher(VehicleState, VEHICLE_STATE, FLIGHT)
-        self._event_out = node.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
-        self._timing_out = node.create_publisher(Timing, TIMING, DIAGNOSTIC)
+        self._clock_out = node.create_publisher(Clock, qos.CLOCK, qos.CLOCK_QOS)
+        self._nav_out = node.create_publisher(NavState, qos.NAV_STATE, qos.FLIGHT)
+        self._truth_out = node.create_publisher(VehicleState, qos.VEHICLE_STATE, qos.FLIGHT)
+        self._event_out = node.create_publisher(FlightEvent, qos.FLIGHT_EVENT, qos.EVENTS)
+        self._timing_out = node.create_publisher(Timing, qos.TIMING, qos.DIAGNOSTIC)
         self._nav_message = StateMessage(NavState)
         self._truth_message = StateMessage(VehicleState)
         self._published_events: set[bytes] = set()

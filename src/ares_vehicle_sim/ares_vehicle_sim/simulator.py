@@ -14,21 +14,7 @@ from ares_models.kernels.steering import UNIT_TOLERANCE
 from ares_models.mission import Mission
 from ares_models.mission_warnings import FAR_ABOVE
 from ares_models.units import NANOSECONDS
-from ares_vehicle_sim.arrays import (
-    EARLY_SHUTDOWN,
-    ENGINE_OUT,
-    FAILED_IGNITION,
-    FAILURE,
-    IN_VAIN,
-    NO_FAILURE,
-    OPTIONS,
-    STRUCK,
-    STUCK_JETTISON,
-    STUCK_THROTTLE,
-    THRUST_LOW,
-    VehicleArrays,
-    blank_vehicle,
-)
+from ares_vehicle_sim import arrays as layout
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
 from ares_vehicle_sim.kernels.entry import advance, begin, command, describe
@@ -45,12 +31,12 @@ PASSED = 1.05
 MOST_HEATING = 2.0
 
 FAILURE_CODES = {
-    FailureKind.ENGINE_OUT: ENGINE_OUT,
-    FailureKind.THRUST_LOW: THRUST_LOW,
-    FailureKind.EARLY_SHUTDOWN: EARLY_SHUTDOWN,
-    FailureKind.FAILED_IGNITION: FAILED_IGNITION,
-    FailureKind.STUCK_THROTTLE: STUCK_THROTTLE,
-    FailureKind.STUCK_JETTISON: STUCK_JETTISON,
+    FailureKind.ENGINE_OUT: layout.ENGINE_OUT,
+    FailureKind.THRUST_LOW: layout.THRUST_LOW,
+    FailureKind.EARLY_SHUTDOWN: layout.EARLY_SHUTDOWN,
+    FailureKind.FAILED_IGNITION: layout.FAILED_IGNITION,
+    FailureKind.STUCK_THROTTLE: layout.STUCK_THROTTLE,
+    FailureKind.STUCK_JETTISON: layout.STUCK_JETTISON,
 }
 FAILURE_KINDS = {code: kind for kind, code in FAILURE_CODES.items()}
 
@@ -90,7 +76,7 @@ class SimulatorOptions:
 
     def record(self) -> NDArray[np.void]:
         """Return the options for the kernels, shape (1,), dtype OPTIONS."""
-        record = np.zeros(1, OPTIONS)
+        record = np.zeros(1, layout.OPTIONS)
         record["max_step"] = self.integration_step_s
         record["attitude_rate_limit"] = self.attitude_rate_limit_rad_s
         record["navigation_period"] = self.navigation_period_s
@@ -120,10 +106,10 @@ def room_for_truth(nominal: MissionArrays, atmosphere: NDArray[np.float64]) -> M
     )
 
 
-def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> VehicleArrays:
+def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> layout.VehicleArrays:
     """Return the vehicle at the mission's initial state, before the draws."""
     start = mission.start()
-    vehicle = blank_vehicle(options.record())
+    vehicle = layout.blank_vehicle(options.record())
     vehicle.plant["time"] = start.time_s
     vehicle.plant["position"] = start.position
     vehicle.plant["velocity"] = start.velocity
@@ -132,7 +118,7 @@ def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> VehicleArray
 
 def failure_record(failure: Failure) -> NDArray[Any]:
     """Compile a failure that has not happened yet, shape (1,), dtype FAILURE."""
-    record = np.zeros(1, FAILURE)
+    record = np.zeros(1, layout.FAILURE)
     record["kind"] = FAILURE_CODES[failure.kind]
     record["time"] = failure.time_s if math.isfinite(failure.time_s) else math.inf
     record["arc"] = failure.arc
@@ -150,7 +136,7 @@ def true_vehicle(
     seed: int,
     flight: int = 0,
     failure: Failure | None = None,
-) -> tuple[MissionArrays, VehicleArrays]:
+) -> tuple[MissionArrays, layout.VehicleArrays]:
     """Draw the true mission and the vehicle of one flight, at its start.
 
     Args:
@@ -261,11 +247,13 @@ class Simulator:
     def escaped(self) -> str:
         """Return the reason why the requested failure did not happen, one line, or ""."""
         failure = self.plant["failure"]
-        if failure["kind"] == NO_FAILURE or failure["struck"] == STRUCK:
+        if failure["kind"] == layout.NO_FAILURE or failure["struck"] == layout.STRUCK:
             return ""
         kind = FAILURE_KINDS[int(failure["kind"])]
-        vain = "no throttle" if failure["kind"] == STUCK_THROTTLE else "a coast"
-        why = f"it struck {vain}" if failure["struck"] == IN_VAIN else "its time did not come"
+        vain = "no throttle" if failure["kind"] == layout.STUCK_THROTTLE else "a coast"
+        why = (
+            f"it struck {vain}" if failure["struck"] == layout.IN_VAIN else "its time did not come"
+        )
         return f"failure {kind}: {why}, nothing failed"
 
     @property

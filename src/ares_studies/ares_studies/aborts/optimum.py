@@ -15,15 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.kernels.monitors.shortfall import lower_target
-from ares_models.arrays import (
-    HEATING_LIMIT,
-    MISSION_TIME,
-    NAMES_FLIGHT_PATH_ANGLE,
-    NAMES_RADIUS,
-    NAMES_SPEED,
-    TARGET_ELEMENTS,
-    MissionArrays,
-)
+from ares_models import arrays as layout
 from ares_models.failures import Failure
 from ares_models.floors import edge_of_air
 from ares_models.judge import End
@@ -123,11 +115,11 @@ class _Family:
     lost: int = 0
 
 
-def _without_pressure_limits(arrays: MissionArrays) -> MissionArrays:
+def _without_pressure_limits(arrays: layout.MissionArrays) -> layout.MissionArrays:
     """Return a mission without limits of the dynamic pressure: the two-point problem keeps none."""
     arcs = arrays.arcs.copy()
     arcs["max_dynamic_pressure"] = math.inf
-    free: MissionArrays = arrays._replace(arcs=arcs)
+    free: layout.MissionArrays = arrays._replace(arcs=arcs)
     return free
 
 
@@ -367,8 +359,8 @@ class Optimizer:
         radius = self._judge.safe_perigee_altitude_m
         radius += float(self._arrays.environment[0]["equatorial_radius"])
         target = self._arrays.target.copy()
-        target["kind"] = TARGET_ELEMENTS
-        target["named"] = NAMES_RADIUS | NAMES_SPEED | NAMES_FLIGHT_PATH_ANGLE
+        target["kind"] = layout.TARGET_ELEMENTS
+        target["named"] = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PATH_ANGLE
         for name in ("radius", "perigee_radius", "apogee_radius", "semi_major_axis"):
             target[name] = radius
         target["speed"] = math.sqrt(mu / radius)
@@ -502,17 +494,19 @@ def _flown(
     )
 
 
-def _jettisoned(arrays: MissionArrays, end_s: float) -> int:
+def _jettisoned(arrays: layout.MissionArrays, end_s: float) -> int:
     """Return a bit mask of the jettisons done at the end: all that are not due later."""
-    later = (arrays.jettisons["criterion"] == MISSION_TIME) & (arrays.jettisons["value"] > end_s)
+    later = (arrays.jettisons["criterion"] == layout.MISSION_TIME) & (
+        arrays.jettisons["value"] > end_s
+    )
     return sum(1 << j for j, late in enumerate(later) if not late)
 
 
 def _with_fairing(known: Foreknown) -> Foreknown:
     """Keep the parts with a heating limit on board to the end."""
     jettisons = known.arrays.jettisons.copy()
-    heated = jettisons["criterion"] == HEATING_LIMIT
-    jettisons["criterion"][heated] = MISSION_TIME
+    heated = jettisons["criterion"] == layout.HEATING_LIMIT
+    jettisons["criterion"][heated] = layout.MISSION_TIME
     jettisons["value"][heated] = math.inf
-    arrays: MissionArrays = known.arrays._replace(jettisons=jettisons)
+    arrays: layout.MissionArrays = known.arrays._replace(jettisons=jettisons)
     return known._replace(arrays=arrays)

@@ -4,7 +4,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any
 
@@ -26,8 +26,11 @@ from ares_studies.pages.parts import (
     Row,
     Series,
     Shape,
+    capitalised,
+    item,
     line,
     number,
+    numbered,
     word,
 )
 from ares_studies.pages.templates import make_environment, one_line, render_report
@@ -133,10 +136,6 @@ class MapReport:
         """Return the colours and names of the ends."""
         return list(ENDS.values())
 
-    def to_json(self) -> dict[str, Any]:
-        """Return an object for ``json.dumps(allow_nan=False)``."""
-        return asdict(self)
-
 
 def render(report: MapReport) -> str:
     """Render the page as one self-contained file."""
@@ -156,33 +155,29 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
     masses = [row for row in made.rows if math.isfinite(row.points[0].failure.time_s)]
     figures = _seen([_mass_figure(row) for row in masses])
     lacking = _seen([_short_figure(masses), *_lacking_figures(masses)])
-    chapters: tuple[Chapter, ...] = (
+    chapters = (
         Chapter(
             1,
             "Final mass",
             "By when it fails, where an orbit is reached. The optimizer that knew steers for the "
             "failure from the start of the flight; the one that was told begins where the flight "
             "is when it fails, and no guidance can do better.",
-            _named("figure", 1, figures),
+            tuple(figures),
         ),
         Chapter(
             2,
             "What is lacking",
             "Final mass beside that of the optimizer that was told, and the speed that the energy "
             "of the end is short of.",
-            _named("figure", 1 + len(figures), lacking),
+            tuple(lacking),
         ),
         Chapter(
             3,
             "Ends",
             "How often each end is reached, and every stretch of times at which the flight ends "
             "otherwise or lighter than that of the optimizer that knew.",
-            _named("table", 1, [_ends_table(made), _beyond_table(made)]),
+            (_ends_table(made), _beyond_table(made)),
         ),
-    )
-    # leave out empty chapters
-    chapters = tuple(
-        replace(chapter, number=k) for k, chapter in enumerate((c for c in chapters if c.items), 1)
     )
     return MapReport(
         made.mission.title,
@@ -190,7 +185,7 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
         _headline(made),
         {row.name: tuple(_strip(made, row, *who[:2]) for who in WHO) for row in made.rows},
         _ticks(_span(made)),
-        chapters,
+        numbered([chapter for chapter in chapters if chapter.items]),
         _falls(made) if made.outside.of else None,
     )
 
@@ -301,7 +296,7 @@ def _ends_table(made: AbortMap) -> Item:
         Column("as the one that knew"),
         Column("as the one told"),
     )
-    return Item("", "table", "", "Ends by failure", "", PageTable(columns, tuple(rows)))
+    return item("Ends by failure", PageTable(columns, tuple(rows)))
 
 
 def _beyond_table(made: AbortMap) -> Item:
@@ -332,7 +327,7 @@ def _beyond_table(made: AbortMap) -> Item:
     )
     finding = "The mass is that of the worst point." if rows else "There is none."
     title = f"Otherwise, or more than {100 * ACCURACY:g} % from the optimum"
-    return Item("", "table", "", title, "", PageTable(columns, tuple(rows), finding))
+    return item(title, PageTable(columns, tuple(rows), finding))
 
 
 def _most(points: list[AbortPoint], field: str) -> Cell:
@@ -369,7 +364,7 @@ def _mass_figure(row: MapRow) -> Item:
             shape: Shape = "dashes" if field == "optimum" else "line"
             series.append(line(name, role, times, masses, 1, shape))
     figure = Figure(_TIME, Axis("final mass", "kg"), tuple(series))
-    return Item("", "figure", "", _title(row.name), "", figure)
+    return item(capitalised(row.name), figure)
 
 
 def _short_figure(rows: list[MapRow]) -> Item:
@@ -389,7 +384,7 @@ def _short_figure(rows: list[MapRow]) -> Item:
         tuple(series),
         levels=(Guide(limit, f"{limit:g} %"),),
     )
-    return Item("", "figure", "", "Short of what could have been flown", "", figure, wide=True)
+    return item("Short of what could have been flown", figure, wide=True)
 
 
 def _lacking_figures(rows: list[MapRow]) -> list[Item]:
@@ -405,7 +400,7 @@ def _lacking_figures(rows: list[MapRow]) -> list[Item]:
             if any(math.isfinite(value) for value in lacking[field])
         )
         figure = Figure(_TIME, Axis("speed that is lacking", "m/s"), series)
-        items.append(Item("", "figure", "", f"{_title(row.name)}: speed lacking", "", figure))
+        items.append(item(f"{capitalised(row.name)}: speed lacking", figure))
     return items
 
 
@@ -473,23 +468,3 @@ def _seen(items: list[Item]) -> list[Item]:
         if isinstance(item.content, Figure)
         and any(y is not None for one in item.content.series for y in one.y)
     ]
-
-
-def _title(name: str) -> str:
-    return name[0].upper() + name[1:]
-
-
-def _named(kind: str, first: int, items: list[Item]) -> tuple[Item, ...]:
-    """Assign numbers to the tables or figures, in order."""
-    return tuple(
-        Item(
-            f"{kind}-{k}",
-            item.kind,
-            f"{kind.title()} {k}",
-            item.title,
-            item.see,
-            item.content,
-            item.wide,
-        )
-        for k, item in enumerate(items, first)
-    )

@@ -17,11 +17,12 @@ from ares_studies.pages.parts import (
     Chapter,
     Figure,
     Guide,
-    Item,
     Role,
     Series,
     Shape,
+    item,
     line,
+    numbered,
 )
 
 Array = NDArray[np.float64]
@@ -45,9 +46,11 @@ class Chart:
     Attributes:
         title: its subject.
         see: hint for the reader.
-        axis: name and unit of y.
+        unit: of y.
         lines: of a flight; empty without data.
         levels: horizontal lines.
+        name: of y; "": the title, in small letters.
+        log: y is logarithmic.
         x: name and unit of x; None: mission elapsed time.
         least: least range of the y axis, in its unit.
         in_air: over the part of the flight in the air.
@@ -56,13 +59,20 @@ class Chart:
 
     title: str
     see: str
-    axis: Axis
+    unit: str
     lines: Callable[[DrawnFlight], Sequence[Line]]
     levels: Callable[[DrawnFlight], Sequence[LevelLine]] = lambda _flight: ()
+    name: str = ""
+    log: bool = False
     x: Axis | None = None
     least: float = 0.0
     in_air: bool = False
     is_map: bool = False
+
+    @property
+    def axis(self) -> Axis:
+        """Return name and unit of y."""
+        return Axis(self.name or self.title[0].lower() + self.title[1:], self.unit, log=self.log)
 
 
 #: What the air does to a vehicle that climbs through it, a line each.
@@ -70,7 +80,7 @@ AIR: tuple[Chart, ...] = (
     Chart(
         "Dynamic pressure",
         "Half the density times the square of the speed against the air.",
-        Axis("dynamic pressure", "kPa"),
+        "kPa",
         lines.in_air(("", "dynamic_pressure_pa", 1e-3, 4)),
         lines.air_limits("dynamic_pressure_pa", "kPa"),
         in_air=True,
@@ -78,21 +88,22 @@ AIR: tuple[Chart, ...] = (
     Chart(
         "Mach number",
         "Speed against the air over the speed of sound.",
-        Axis("Mach number", ""),
+        "",
         lines.in_air(("", "mach", 1.0, 4)),
+        name="Mach number",
         in_air=True,
     ),
     Chart(
         "Angle of attack",
         "From the velocity against the air to the thrust.",
-        Axis("angle of attack", "deg"),
+        "deg",
         lines.in_air(("", "angle_of_attack_deg", 1.0, 4)),
         in_air=True,
     ),
     Chart(
         "Q alpha",
         "Dynamic pressure times the sine of the angle of attack: what bends the vehicle.",
-        Axis("q alpha", "kPa rad"),
+        "kPa rad",
         lines.in_air(("", "q_alpha_pa_rad", 1e-3, 5)),
         lines.air_limits("q_alpha_pa_rad", "kPa rad"),
         in_air=True,
@@ -104,42 +115,39 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
         "Trajectory",
         "The trajectory: of a flight the truth, as the simulator published it.",
         (
-            Chart(
-                "Altitude",
-                "Above the ground.",
-                Axis("altitude", "km"),
-                lines.state("altitude_m", 1e-3),
-            ),
+            Chart("Altitude", "Above the ground.", "km", lines.state("altitude_m", 1e-3)),
             Chart(
                 "Speed",
                 "Inertial, and against the air that turns with the ground.",
-                Axis("speed", "m/s"),
+                "m/s",
                 lines.speeds,
             ),
             Chart(
                 "Flight-path angle",
                 "Of the inertial velocity above the local horizontal.",
-                Axis("flight-path angle", "deg"),
+                "deg",
                 lines.state("flight_path_angle_deg", digits=4),
             ),
             Chart(
                 "Ground range",
                 "Distance along the ground track.",
-                Axis("ground range", "km"),
+                "km",
                 lines.state("range_m", 1e-3, 2),
             ),
             Chart(
                 "Altitude over ground range",
                 "The shape of the flight.",
-                Axis("altitude", "km"),
+                "km",
                 lines.over_range,
+                name="altitude",
                 x=Axis("ground range", "km"),
             ),
             Chart(
                 "Ground track",
                 "The places below, and the land around them.",
-                Axis("latitude", "deg"),
+                "deg",
                 lines.ground_track,
+                name="latitude",
                 x=Axis("longitude", "deg"),
                 is_map=True,
             ),
@@ -152,37 +160,39 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart(
                 "Pitch of the thrust",
                 "Above the local horizontal, as in a programme.",
-                Axis("pitch", "deg"),
+                "deg",
                 lines.state("pitch_deg", digits=4),
+                name="pitch",
             ),
             Chart(
                 "Yaw of the thrust",
                 "Azimuth of the thrust minus that of the inertial velocity; positive to the right.",
-                Axis("yaw", "deg"),
+                "deg",
                 lines.state("yaw_deg", digits=5),
+                name="yaw",
             ),
-            Chart("Mass", "Of the vehicle.", Axis("mass", "t"), lines.state("mass_kg", 1e-3)),
+            Chart("Mass", "Of the vehicle.", "t", lines.state("mass_kg", 1e-3)),
             Chart(
                 "Propellant",
                 "Left in the running stage, by the masses of the mission.",
-                Axis("propellant", "t"),
+                "t",
                 lines.propellant,
             ),
-            Chart(
-                "Thrust", "Of all engines.", Axis("thrust", "kN"), lines.state("thrust_n", 1e-3, 2)
-            ),
+            Chart("Thrust", "Of all engines.", "kN", lines.state("thrust_n", 1e-3, 2)),
             Chart(
                 "Acceleration",
                 "As sensed on board, along the thrust.",
-                Axis("acceleration", "m/s2"),
+                "m/s2",
                 lines.state("acceleration_m_s2", digits=4),
             ),
             Chart(
                 "Heating",
                 "Free molecular heating rate.",
-                Axis("heating rate", "W/m2", log=True),
+                "W/m2",
                 lines.heating,
                 lines.heating_limit,
+                name="heating rate",
+                log=True,
             ),
         ),
     ),
@@ -194,11 +204,12 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart(
                 "Loads",
                 "Acceleration by thrust and air, along the thrust and across it.",
-                Axis("acceleration", "m/s2"),
+                "m/s2",
                 lines.in_air(
                     ("axial", "acceleration_m_s2", 1.0, 4),
                     ("lateral", "lateral_acceleration_m_s2", 1.0, 4),
                 ),
+                name="acceleration",
                 in_air=True,
             ),
         ),
@@ -210,25 +221,27 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart(
                 "Perigee",
                 "Above the equatorial radius; below zero the orbit meets the ground.",
-                Axis("perigee altitude", "km"),
+                "km",
                 lines.state("perigee_m", 1e-3, 2),
+                name="perigee altitude",
             ),
             Chart(
                 "Apogee",
                 "Above the equatorial radius; an escape has none.",
-                Axis("apogee altitude", "km"),
+                "km",
                 lines.state("apogee_m", 1e-3, 2),
+                name="apogee altitude",
             ),
             Chart(
                 "Inclination",
                 "Of the osculating orbit.",
-                Axis("inclination", "deg"),
+                "deg",
                 lines.state("inclination_deg", digits=7),
             ),
             Chart(
                 "Eccentricity",
                 "Of the osculating orbit.",
-                Axis("eccentricity", ""),
+                "",
                 lines.state("eccentricity", digits=6),
             ),
         ),
@@ -240,25 +253,27 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart(
                 "Primer vector, size",
                 "Costate of the velocity, 1 at the start; thrust is worth most where it is large.",
-                Axis("primer", ""),
+                "",
                 lines.optimality(("", "primer", 8)),
+                name="primer",
             ),
             Chart(
                 "Primer vector, direction",
                 "Its parts ahead, up and right at the vehicle: where the best thrust points.",
-                Axis("part of the primer", ""),
+                "",
                 lines.optimality(
                     ("ahead", "primer_ahead", 5),
                     ("up", "primer_up", 5),
                     ("right", "primer_right", 5),
                 ),
+                name="part of the primer",
             ),
             Chart(
                 "Switching function",
                 "Final mass that a kg of propellant burnt here is worth beyond its price: above "
                 "zero a burn pays, below zero a coast would; free coasts begin and end at zero. "
                 "Burns of given length have none.",
-                Axis("switching function", "kg/kg"),
+                "kg/kg",
                 lines.optimality(("", "switching", 9)),
                 lines.zero,
             ),
@@ -266,8 +281,9 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Hamiltonian",
                 "With mass costate and price of propellant: constant along each arc, zero where "
                 "the length of the arc is free.",
-                Axis("Hamiltonian", "m/s2"),
+                "m/s2",
                 lines.optimality(("", "hamiltonian_m_s2", 9)),
+                name="Hamiltonian",
                 least=0.01,
             ),
         ),
@@ -279,25 +295,25 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart(
                 "Time to go",
                 "From each cycle to its predicted cut-off.",
-                Axis("time to go", "s"),
+                "s",
                 lines.guidance("time_to_go_s", 3),
             ),
             Chart(
                 "Iterations",
                 "Of the predictor-corrector, per cycle.",
-                Axis("iterations", "per cycle"),
+                "per cycle",
                 lines.guidance("iterations", 0, step=True),
             ),
             Chart(
                 "Predicted cut-off",
                 "When the main engine will be cut off.",
-                Axis("predicted cut-off", "s"),
+                "s",
                 lines.guidance("cutoff_s", 4, step=True),
             ),
             Chart(
                 "Predicted jettison",
                 "When the next part will be dropped, as long as one is left.",
-                Axis("predicted jettison", "s"),
+                "s",
                 lines.guidance("jettison_s", 4, step=True),
             ),
         ),
@@ -309,13 +325,13 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             Chart(
                 "Position error",
                 "Distance of the navigated from the true position.",
-                Axis("position error", "m"),
+                "m",
                 lines.navigation("position_m", 1.0, 4),
             ),
             Chart(
                 "Velocity error",
                 "Size of the difference of navigated and true velocity.",
-                Axis("velocity error", "m/s"),
+                "m/s",
                 lines.navigation("velocity_m_s", 1.0, 6),
             ),
         ),
@@ -342,14 +358,12 @@ def make_chapters(
     left = max((flight.air.until_s for flight in flights if flight.air), default=last)
     air_times = _time(first, left), [mark for mark in in_air if mark.at <= left]
     chapters: list[Chapter] = []
-    figures = 0
     for title, text, charts in CHAPTERS:
         items = []
         for chart in charts:
             series = _series(chart, flights, names)
             if not series:
                 continue
-            figures += 1
             axis = _with_room(chart.axis, series, chart.least)
             time, marked = air_times if chart.in_air else times
             levels = _levels(chart, flights)
@@ -360,12 +374,10 @@ def make_chapters(
                 figure = replace(figure, x=chart.x, instants=())
             if chart.is_map:
                 figure = _with_land(figure, flights[0])
-            key, name = f"figure-{figures}", f"Figure {figures}"
-            wide = chart.is_map
-            items.append(Item(key, "figure", name, chart.title, chart.see, figure, wide))
+            items.append(item(chart.title, figure, chart.see, wide=chart.is_map))
         if items:
             chapters.append(Chapter(len(chapters) + 1, title, text, tuple(items)))
-    return tuple(chapters)
+    return numbered(chapters)
 
 
 def _time(first: float, last: float) -> Axis:

@@ -3,7 +3,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +52,10 @@ class GlobeFlight:
     latitude_deg: tuple[float, ...]
     longitude_deg: tuple[float, ...]
     height: tuple[float, ...]
-    ways: tuple[Way, ...]
-    impact_time_s: tuple[float, ...]
-    impact_latitude_deg: tuple[float, ...]
-    impact_longitude_deg: tuple[float, ...]
+    ways: tuple[Way, ...] = ()
+    impact_time_s: tuple[float, ...] = ()
+    impact_latitude_deg: tuple[float, ...] = ()
+    impact_longitude_deg: tuple[float, ...] = ()
     faint: bool = False
     over: bool = False
 
@@ -132,9 +131,6 @@ def way_beside_others(
         longitude_deg=rounded(track.longitude_deg, 3),
         height=rounded(np.linalg.norm(position, axis=1) / radius - 1.0, 5),
         ways=(Way(name, role, 0, len(kept) - 1),),
-        impact_time_s=(),
-        impact_latitude_deg=(),
-        impact_longitude_deg=(),
         faint=faint,
     )
 
@@ -148,10 +144,6 @@ def spot(name: str, role: Role, latitude_deg: float, longitude_deg: float) -> Gl
         latitude_deg=(round(latitude_deg, 2),),
         longitude_deg=(round(longitude_deg, 2),),
         height=(0.0,),
-        ways=(),
-        impact_time_s=(),
-        impact_latitude_deg=(),
-        impact_longitude_deg=(),
         faint=True,
     )
 
@@ -201,6 +193,7 @@ def _fall(mission: Mission, fall: Fall, role: Role) -> GlobeFlight:
 def _flight(flight: DrawnFlight, name: str, role: Role, together: bool) -> GlobeFlight:
     states = flight.states
     radius = flight.mission.environment.earth.equatorial_radius_m
+    falls = np.isfinite(flight.impact.latitude_deg)
     return GlobeFlight(
         name=name,
         role=role,
@@ -209,18 +202,11 @@ def _flight(flight: DrawnFlight, name: str, role: Role, together: bool) -> Globe
         longitude_deg=rounded(states.track.longitude_deg, 3),
         height=rounded(states.altitude_m / radius, 5),
         ways=_ways(flight.phases, role if together else None),
+        impact_time_s=rounded(flight.impact_time_s[falls], 2),
+        impact_latitude_deg=rounded(flight.impact.latitude_deg[falls], 3),
+        impact_longitude_deg=rounded(flight.impact.longitude_deg[falls], 3),
         over=together and lies_over(flight),
-        **_impact(flight),
     )
-
-
-def _impact(flight: DrawnFlight) -> dict[str, Any]:
-    falls = np.isfinite(flight.impact.latitude_deg)
-    return {
-        "impact_time_s": rounded(flight.impact_time_s[falls], 2),
-        "impact_latitude_deg": rounded(flight.impact.latitude_deg[falls], 3),
-        "impact_longitude_deg": rounded(flight.impact.longitude_deg[falls], 3),
-    }
 
 
 def _ways(phases: Sequence[Phase], role: Role | None) -> tuple[Way, ...]:

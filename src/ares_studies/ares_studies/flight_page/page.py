@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 from ares_studies.event_words import Moment
 from ares_studies.flight_page.charts import ROLES, make_chapters
@@ -136,14 +135,8 @@ def make_report(
     )
 
 
-def _data(report: FlightReport) -> dict[str, Any]:
-    """Return the data for the scripts."""
-    return {
-        "chapters": [asdict(chapter) for chapter in report.chapters],
-        "globe": asdict(report.globe),
-    }
-
-
 def render(report: FlightReport) -> str:
     """Render the page as one self-contained file."""
-    return render_report(make_environment(__package__), report, one_line(_data(report)))
+    chapters = [asdict(chapter) for chapter in report.chapters]
+    data = one_line({"chapters": chapters, "globe": asdict(report.globe)})
+    return render_report(make_environment(__package__), report, data)

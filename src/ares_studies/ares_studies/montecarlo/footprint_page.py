@@ -16,6 +16,8 @@ from ares_studies.pages.parts import (
     Row,
     Series,
     Shape,
+    capitalised,
+    item,
     number,
     unbroken,
 )
@@ -59,7 +61,7 @@ def _table(summary: Summary) -> Item:
     )
     finding = "In footprints.kml beside this page too."
     table = PageTable(tuple(map(Column, titles)), rows, finding)
-    return Item("", "table", "", f"Mean places and {100 * SHARE:g} % ellipses", "", table)
+    return item(f"Mean places and {100 * SHARE:g} % ellipses", table)
 
 
 def _figure(summary: Summary, footprint: Footprint) -> Item:
@@ -89,5 +91,4 @@ def _figure(summary: Summary, footprint: Footprint) -> Item:
         tuple(series),
         finding=f"{footprint.words}.",
     )
-    title = footprint.name[0].upper() + footprint.name[1:]
-    return Item("", "figure", "", title, f"The first {len(good):,} flights.", figure)
+    return item(capitalised(footprint.name), figure, f"The first {len(good):,} flights.")

@@ -25,6 +25,7 @@ from ares_studies.montecarlo.statistics import (
     CONFIDENCE,
     FAILURES,
     LISTS,
+    RESULT_NAMES,
     SAMPLE,
     TOLD,
     Histogram,
@@ -47,7 +48,10 @@ from ares_studies.pages.parts import (
     Series,
     Shape,
     about,
+    capitalised,
+    item,
     number,
+    numbered,
     unbroken,
     word,
 )
@@ -62,7 +66,7 @@ _AIMED_STATES = (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGL
 #: Distance of marks without a value from a histogram, as a fraction of its width.
 _ASIDE = 0.04
 
-#: Labels of draws and results.
+#: Labels of draws and flags.
 DRAWN_NAMES = {
     "initial_position_m": "initial position",
     "initial_velocity_m_s": "initial velocity",
@@ -89,26 +93,6 @@ DRAWN_NAMES = {
     "gust.length_m": "gust, length",
     "gust.azimuth_deg": "gust, azimuth",
     "ballistic_coefficient": "ballistic coefficient",
-}
-RESULT_NAMES = {
-    "m_f_kg": ("final mass", "kg", 1),
-    "t_plf_s": ("fairing jettison", "s", 2),
-    "t_meco_s": ("cut-off", "s", 2),
-    "propellant_used_kg": ("propellant used by the last stage", "kg", 0),
-    "heating_at_jettison_w_m2": ("heating at the jettison", "W/m2", 1),
-    "heating_peak_after_jettison_w_m2": ("highest heating from the jettison on", "W/m2", 1),
-    "max_q_pa": ("highest dynamic pressure", "Pa", 0),
-    "max_q_alpha_pa_rad": ("highest dynamic pressure times angle of attack", "Pa rad", 0),
-    "radius_error_m": ("radius error", "m", 2),
-    "speed_error_m_s": ("speed error", "m/s", 4),
-    "flight_path_angle_error_deg": ("flight-path angle error", "deg", 6),
-    "inclination_error_deg": ("inclination error", "deg", 6),
-    "perigee_radius_error_m": ("perigee radius error", "m", 1),
-    "apogee_radius_error_m": ("apogee radius error", "m", 1),
-    "semi_major_axis_error_m": ("semi-major axis error", "m", 1),
-    "eccentricity_error": ("eccentricity error", "1", 9),
-    "c3_error_m2_s2": ("C3 error", "m2/s2", 1),
-    "true_anomaly_error_deg": ("true anomaly error", "deg", 6),
 }
 FLAG_NAMES = {
     "succeeded": "success: all three below",
@@ -222,7 +206,7 @@ def make_report(
         facts=facts,
         headline=_headline(summary),
         masses=_masses(summary),
-        chapters=_numbered(chapters),
+        chapters=numbered(chapters),
         cases=_cases(summary, command, reached),
         globe=globe,
         command=command,
@@ -326,25 +310,6 @@ def _results_text(summary: Summary) -> str:
     return text
 
 
-def _item(title: str, see: str, figure: Figure) -> Item:
-    """Make a figure without a number yet."""
-    return Item("", "figure", "", title[0].upper() + title[1:], see, figure)
-
-
-def _numbered(chapters: Sequence[Chapter]) -> tuple[Chapter, ...]:
-    """Assign numbers to the tables and figures, in order."""
-    counts = {"table": 0, "figure": 0}
-    done = []
-    for chapter in chapters:
-        items = []
-        for item in chapter.items:
-            counts[item.kind] += 1
-            k = counts[item.kind]
-            items.append(replace(item, key=f"{item.kind}-{k}", name=f"{item.kind.title()} {k}"))
-        done.append(replace(chapter, items=tuple(items)))
-    return tuple(done)
-
-
 def _histogram(
     summary: Summary, name: str, instants: Sequence[Guide] = (), *, log: bool = False
 ) -> Item:
@@ -369,7 +334,7 @@ def _histogram(
     each, without = _each_failure(summary, name, floor)
     finding = f"{_beyond(histogram)} {without}".strip()
     figure = Figure(Axis(title, unit), flights, (*series, *each), tuple(instants), finding=finding)
-    return _item(title, "", figure)
+    return item(capitalised(title), figure)
 
 
 def _each_failure(summary: Summary, name: str, floor: float) -> tuple[tuple[Series, ...], str]:
@@ -432,13 +397,8 @@ def _result_figures(summary: Summary) -> list[Item]:
     ]
 
 
-def _cloud(summary: Summary, x: str, y: str, title: str, x_axis: Axis, y_axis: Axis) -> Item:
-    """Make a scatter plot of two columns, with failed flights marked."""
-    return _scatter(summary, summary.sample[x], summary.sample[y], title, x_axis, y_axis)
-
-
 def _scatter(summary: Summary, x: Array, y: Array, title: str, x_axis: Axis, y_axis: Axis) -> Item:
-    """Make a scatter plot of two numbers of each flight of the sample."""
+    """Make a scatter plot of two numbers of each flight of the sample; mark failed flights."""
     xs, ys = x[:CLOUD], y[:CLOUD]
     flights = summary.sample["flight"][:CLOUD]
     good = summary.sample["succeeded"][:CLOUD].astype(bool)
@@ -458,7 +418,8 @@ def _scatter(summary: Summary, x: Array, y: Array, title: str, x_axis: Axis, y_a
             )
             x_points, y_points = tuple(xs[chosen].tolist()), tuple(ys[chosen].tolist())
             series.append(Series(name, role, shape, x_points, y_points, texts))
-    return _item(title, f"The first {len(xs):,} flights.", Figure(x_axis, y_axis, tuple(series)))
+    figure = Figure(x_axis, y_axis, tuple(series))
+    return item(capitalised(title), figure, f"The first {len(xs):,} flights.")
 
 
 def perigee_apogee(sample: Mapping[str, Array], target: Record, mu: float) -> tuple[Array, Array]:
@@ -509,7 +470,7 @@ def _insertion_figures(summary: Summary, settings: Settings) -> list[Item]:
         if not {x, y} <= set(summary.histograms):
             continue
         axes = [Axis(*RESULT_NAMES[name][:2]) for name in (x, y)]
-        items.append(_cloud(summary, x, y, title, *axes))
+        items.append(_scatter(summary, summary.sample[x], summary.sample[y], title, *axes))
     names = (
         "radius_error_m",
         "flight_path_angle_error_deg",
@@ -541,18 +502,18 @@ def _influence_items(summary: Summary) -> list[Item]:
     columns = tuple(Column(RESULT_NAMES[name][0]) for name in told)
     strongest = next(iter(found[told[0]].values()))
     finding = (
-        f"{drawn_name(strongest.name)[0].upper()}{drawn_name(strongest.name)[1:]} moves the "
+        f"{capitalised(drawn_name(strongest.name))} moves the "
         f"{RESULT_NAMES[told[0]][0]} most: {about(strongest.correlation**2)} of the variance of "
         "its ranks."
     )
     table = PageTable(columns, tuple(rows), finding)
-    items = [Item("", "table", "", "Rank correlation with what was drawn", "", table)]
+    items = [item("Rank correlation with what was drawn", table)]
     for name in told:
         draw = next(iter(found[name]))
         title, unit, _ = RESULT_NAMES[name]
-        x_axis = Axis(f"drawn: {drawn_name(draw)}", "as in the dispersions file")
-        heading = f"{title} against what moves it most"
-        items.append(_cloud(summary, DRAWN + draw, name, heading, x_axis, Axis(title, unit)))
+        axes = Axis(f"drawn: {drawn_name(draw)}", "as in the dispersions file"), Axis(title, unit)
+        x, y = summary.sample[DRAWN + draw], summary.sample[name]
+        items.append(_scatter(summary, x, y, f"{title} against what moves it most", *axes))
     return items
 
 

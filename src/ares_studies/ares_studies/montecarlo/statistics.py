@@ -299,26 +299,27 @@ class Summary:
         return {row["flight"]: row["failure"] for row in self.failures}
 
 
-HISTOGRAMS = (
-    "m_f_kg",
-    "t_plf_s",
-    "t_meco_s",
-    "heating_at_jettison_w_m2",
-    "heating_peak_after_jettison_w_m2",
-    "propellant_used_kg",
-    "max_q_pa",
-    "max_q_alpha_pa_rad",
-    "radius_error_m",
-    "speed_error_m_s",
-    "flight_path_angle_error_deg",
-    "inclination_error_deg",
-    "perigee_radius_error_m",
-    "apogee_radius_error_m",
-    "semi_major_axis_error_m",
-    "eccentricity_error",
-    "c3_error_m2_s2",
-    "true_anomaly_error_deg",
-)
+#: Results that have a histogram: label, unit and decimals, by column of the table.
+RESULT_NAMES = {
+    "m_f_kg": ("final mass", "kg", 1),
+    "t_plf_s": ("fairing jettison", "s", 2),
+    "t_meco_s": ("cut-off", "s", 2),
+    "propellant_used_kg": ("propellant used by the last stage", "kg", 0),
+    "heating_at_jettison_w_m2": ("heating at the jettison", "W/m2", 1),
+    "heating_peak_after_jettison_w_m2": ("highest heating from the jettison on", "W/m2", 1),
+    "max_q_pa": ("highest dynamic pressure", "Pa", 0),
+    "max_q_alpha_pa_rad": ("highest dynamic pressure times angle of attack", "Pa rad", 0),
+    "radius_error_m": ("radius error", "m", 2),
+    "speed_error_m_s": ("speed error", "m/s", 4),
+    "flight_path_angle_error_deg": ("flight-path angle error", "deg", 6),
+    "inclination_error_deg": ("inclination error", "deg", 6),
+    "perigee_radius_error_m": ("perigee radius error", "m", 1),
+    "apogee_radius_error_m": ("apogee radius error", "m", 1),
+    "semi_major_axis_error_m": ("semi-major axis error", "m", 1),
+    "eccentricity_error": ("eccentricity error", "1", 9),
+    "c3_error_m2_s2": ("C3 error", "m2/s2", 1),
+    "true_anomaly_error_deg": ("true anomaly error", "deg", 6),
+}
 #: Results whose sensitivities are reported.
 TOLD = ("m_f_kg", "t_plf_s", "t_meco_s", "max_q_alpha_pa_rad")
 #: Loads of the air, with the column of the fraction of the limit.
@@ -397,7 +398,7 @@ class _Gathered:
         for name, share in LOADS.items():
             self.loads[name].add(table[name].to_numpy()[ascents], table[share].to_numpy())
         good = table["succeeded"].to_numpy()
-        for name in HISTOGRAMS:
+        for name in RESULT_NAMES:
             values = table[name].to_numpy()
             _widen(self.spans, name, values)
             _widen(self.good_spans, name, values[good])

@@ -6,7 +6,7 @@ A number carries its text, so that the two files cannot differ.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -162,6 +162,31 @@ class Chapter:
     title: str
     text: str
     items: tuple[Item, ...]
+
+
+def item(title: str, content: PageTable | Figure, see: str = "", *, wide: bool = False) -> Item:
+    """Make a table or a figure with its headings, without a number yet."""
+    kind: Literal["table", "figure"] = "table" if isinstance(content, PageTable) else "figure"
+    return Item("", kind, "", title, see, content, wide)
+
+
+def numbered(chapters: Sequence[Chapter]) -> tuple[Chapter, ...]:
+    """Assign numbers to the chapters, and to their tables and figures, in order."""
+    counts = {"table": 0, "figure": 0}
+    done = []
+    for number, chapter in enumerate(chapters, 1):
+        items = []
+        for one in chapter.items:
+            counts[one.kind] += 1
+            k = counts[one.kind]
+            items.append(replace(one, key=f"{one.kind}-{k}", name=f"{one.kind.title()} {k}"))
+        done.append(replace(chapter, number=number, items=tuple(items)))
+    return tuple(done)
+
+
+def capitalised(text: str) -> str:
+    """Return a text with its first letter in capitals."""
+    return text[0].upper() + text[1:]
 
 
 def number(value: float, decimals: int, *, signed: bool = False) -> Cell:

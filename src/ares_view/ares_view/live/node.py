@@ -26,37 +26,11 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.passage import Passage
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus, VehicleState
-from ares_node.diagnostics import (
-    EXIT_STATUS,
-    GOOD,
-    NODE,
-    PACE,
-    PAGES,
-    PASSAGE,
-    PAUSED,
-    REPLAYED,
-    SHORTCOMINGS,
-    VERDICT,
-    Timing,
-    hardware_id,
-    number_of,
-    timing,
-)
+from ares_node import diagnostics, qos
+from ares_node.diagnostics import Timing, hardware_id, number_of, timing
 from ares_node.membership import FLIGHT_ID, MOST_HEARD, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
-from ares_node.qos import (
-    DIAGNOSTIC,
-    DIAGNOSTICS,
-    EVENTS,
-    FLIGHT_EVENT,
-    FLIGHT_MEMBER,
-    GUIDANCE_STATUS,
-    LATEST,
-    MEMBERS,
-    TIMING,
-    VEHICLE_STATE,
-)
 from ares_node.states import StateMessage, Unreadable, message_of
 from ares_node.time import NANOSECONDS, seconds_from_stamp
 from ares_view.live.address import LOOPBACK, AddressError, listen
@@ -147,16 +121,16 @@ class LiveNode(FlightNode):
         self._pages_said_at = -math.inf
         self._server = LiveServer(listener, self._story, lambda *said: self._commands.put(said))
         print(f"live: {self._server.access.url}", file=sys.stderr, flush=True)
-        self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
+        self._timing_out = self.create_publisher(Timing, qos.TIMING, qos.DIAGNOSTIC)
         self._inputs = [
-            self.create_subscription(kind, topic, take, qos, raw=qos is LATEST)
-            for kind, topic, take, qos in (
-                (VehicleState, VEHICLE_STATE, self._on_state, LATEST),
-                (GuidanceStatus, GUIDANCE_STATUS, self._on_status, LATEST),
-                (FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
-                (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
-                (Timing, TIMING, self._on_timing, DIAGNOSTIC),
-                (FlightMember, FLIGHT_MEMBER, self._on_member, MEMBERS),
+            self.create_subscription(kind, topic, take, profile, raw=profile is qos.LATEST)
+            for kind, topic, take, profile in (
+                (VehicleState, qos.VEHICLE_STATE, self._on_state, qos.LATEST),
+                (GuidanceStatus, qos.GUIDANCE_STATUS, self._on_status, qos.LATEST),
+                (FlightEvent, qos.FLIGHT_EVENT, self._on_event, qos.EVENTS),
+                (DiagnosticArray, qos.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTIC),
+                (Timing, qos.TIMING, self._on_timing, qos.DIAGNOSTIC),
+                (FlightMember, qos.FLIGHT_MEMBER, self._on_member, qos.MEMBERS),
             )
         ]
 
@@ -261,7 +235,7 @@ class LiveNode(FlightNode):
             if status.hardware_id != hardware_id(self._shown):
                 continue
             said = {item.key: item.value for item in status.values}
-            if passage := Passage.from_text(said.get(PASSAGE, "")):
+            if passage := Passage.from_text(said.get(diagnostics.PASSAGE, "")):
                 self._story.set_passage(passage)
             level = LEVELS.get(status.level)
             if level:
@@ -273,21 +247,21 @@ class LiveNode(FlightNode):
         if status.hardware_id != hardware_id(self._shown):
             return
         said = {item.key: item.value for item in status.values}
-        pace = number_of(said, PACE)
+        pace = number_of(said, diagnostics.PACE)
         if pace is not None:
             true = str(True)
             self._story.update(
                 pace=pace,
-                paused=said.get(PAUSED) == true,
-                replayed=said.get(REPLAYED) == true,
+                paused=said.get(diagnostics.PAUSED) == true,
+                replayed=said.get(diagnostics.REPLAYED) == true,
             )
-            self._control(said.get(NODE, ""))
-        if VERDICT in said:
+            self._control(said.get(diagnostics.NODE, ""))
+        if diagnostics.VERDICT in said:
             self._story.update(
-                verdict=said[VERDICT],
-                good=said.get(GOOD) == str(True),
-                shortcomings=said.get(SHORTCOMINGS, "").splitlines(),
-                exit_status=said.get(EXIT_STATUS, ""),
+                verdict=said[diagnostics.VERDICT],
+                good=said.get(diagnostics.GOOD) == str(True),
+                shortcomings=said.get(diagnostics.SHORTCOMINGS, "").splitlines(),
+                exit_status=said.get(diagnostics.EXIT_STATUS, ""),
             )
 
     def _on_look(self) -> None:
@@ -303,7 +277,7 @@ class LiveNode(FlightNode):
         if now - self._pages_said_at > PAGES_PERIOD and self._last_sequence < 0:
             # the launcher may wait for the first page
             self._pages_said_at = now
-            words = {PAGES: self._server.pages}
+            words = {diagnostics.PAGES: self._server.pages}
             self._timing_out.publish(timing(self, self._shown, words))
         self._server.notify()
 
@@ -444,9 +418,9 @@ def _wanted(name: str, value: float) -> list[ParameterMessage]:
     """Return the parameters that a command sets."""
     if name == "pace":
         wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
-        return [ParameterMessage(name=PACE, value=wanted)]
+        return [ParameterMessage(name=diagnostics.PACE, value=wanted)]
     wanted = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=name == "pause")
-    return [ParameterMessage(name=PAUSED, value=wanted)]
+    return [ParameterMessage(name=diagnostics.PAUSED, value=wanted)]
 
 
 def _pass_on(answer: SetParameters.Response, refuse: Callable[[str], None]) -> None:

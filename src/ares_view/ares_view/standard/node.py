@@ -30,27 +30,12 @@ from ares_msgs.msg import (
     ThrustCommand,
     VehicleState,
 )
+from ares_node import qos
 from ares_node.diagnostics import Level, of_another_flight
 from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import MOST_HEARD, Role
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
-from ares_node.qos import (
-    DIAGNOSTIC,
-    DIAGNOSTICS,
-    EVENTS,
-    FLIGHT,
-    FLIGHT_EVENT,
-    FLIGHT_MEMBER,
-    GUIDANCE_STATUS,
-    MEMBERS,
-    NAV_STATE,
-    TF,
-    TF_STATIC,
-    THRUST_COMMAND,
-    VEHICLE_STATE,
-    reliable,
-)
 from ares_node.requirements import unmet
 from ares_node.states import StateMessage, Unreadable
 from ares_node.time import NANOSECONDS, ns_from_stamp
@@ -70,22 +55,22 @@ MARKER = "marker"
 
 #: Topics published, with type and QoS; that of /tf and /tf_static is tf2's.
 PUBLISHED = {
-    POSE: (PoseStamped, reliable(10)),
-    TWIST: (TwistStamped, reliable(10)),
-    FIX: (NavSatFix, reliable(10)),
-    PATH: (Path, reliable(1, keep_for_late=True)),
-    MARKER: (Marker, reliable(100, keep_for_late=True)),
-    TF: (TFMessage, reliable(100)),
-    TF_STATIC: (TFMessage, reliable(1, keep_for_late=True)),
+    POSE: (PoseStamped, qos.reliable(10)),
+    TWIST: (TwistStamped, qos.reliable(10)),
+    FIX: (NavSatFix, qos.reliable(10)),
+    PATH: (Path, qos.reliable(1, keep_for_late=True)),
+    MARKER: (Marker, qos.reliable(100, keep_for_late=True)),
+    qos.TF: (TFMessage, qos.reliable(100)),
+    qos.TF_STATIC: (TFMessage, qos.reliable(1, keep_for_late=True)),
 }
 #: Messages of the flight forwarded to Foxglove, and how many a late client gets.
 FORWARDED = {
-    VEHICLE_STATE: (VehicleState, 1),
-    NAV_STATE: (NavState, 1),
-    THRUST_COMMAND: (ThrustCommand, 1),
-    GUIDANCE_STATUS: (GuidanceStatus, 1),
-    FLIGHT_EVENT: (FlightEvent, EVENTS.depth),
-    DIAGNOSTICS: (DiagnosticArray, EVENTS.depth),
+    qos.VEHICLE_STATE: (VehicleState, 1),
+    qos.NAV_STATE: (NavState, 1),
+    qos.THRUST_COMMAND: (ThrustCommand, 1),
+    qos.GUIDANCE_STATUS: (GuidanceStatus, 1),
+    qos.FLIGHT_EVENT: (FlightEvent, qos.EVENTS.depth),
+    qos.DIAGNOSTICS: (DiagnosticArray, qos.EVENTS.depth),
 }
 #: QoS of the states: best effort and a short queue, so that a viewer never slows the flight.
 GLIMPSE = QoSProfile(
@@ -218,22 +203,23 @@ class ViewNode(FlightNode):
         self._simulators: dict[int, FlightMember] = {}
         self._foxglove = self._open(self.values["foxglove_port"])
         self._out = {
-            name: self.create_publisher(kind, name, qos) for name, (kind, qos) in PUBLISHED.items()
+            name: self.create_publisher(kind, name, profile)
+            for name, (kind, profile) in PUBLISHED.items()
         }
 
     def activate(self) -> None:
         """Subscribe."""
         self._shown = None
         self._waiting: tuple[int, Any, bytes] | None = None
-        self._forwarded = dict.fromkeys((NAV_STATE, THRUST_COMMAND), -math.inf)
+        self._forwarded = dict.fromkeys((qos.NAV_STATE, qos.THRUST_COMMAND), -math.inf)
         self._heard = self._last_shown = self._last_path = -math.inf
         self._path_due = False
         self._period = 1.0 / self.values["rate_hz"]
         self._inputs = [
-            self.create_subscription(FlightMember, FLIGHT_MEMBER, self._on_member, MEMBERS),
-            self.create_subscription(FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
+            self.create_subscription(FlightMember, qos.FLIGHT_MEMBER, self._on_member, qos.MEMBERS),
+            self.create_subscription(FlightEvent, qos.FLIGHT_EVENT, self._on_event, qos.EVENTS),
             self.create_subscription(
-                VehicleState, VEHICLE_STATE, self._on_state, GLIMPSE, raw=True
+                VehicleState, qos.VEHICLE_STATE, self._on_state, GLIMPSE, raw=True
             ),
         ]
         if self._foxglove is not None:
@@ -329,7 +315,7 @@ class ViewNode(FlightNode):
         if shown is None:
             return
         shown.begun |= first
-        self._forward(FLIGHT_EVENT, ns_from_stamp(event.stamp), event)
+        self._forward(qos.FLIGHT_EVENT, ns_from_stamp(event.stamp), event)
         if event.type in LABELS:
             text = LABELS[event.type]
             if event.type == FlightEvent.JETTISON and event.index < len(shown.mission.drops):
@@ -359,7 +345,7 @@ class ViewNode(FlightNode):
         earth = shown.mission.earth()
         self._publish(MARKER, messages.globe(stamp_ns, earth), stamp_ns)
         self._publish(
-            TF_STATIC, messages.fixed_frames(self._frames, stamp_ns, state, earth), stamp_ns
+            qos.TF_STATIC, messages.fixed_frames(self._frames, stamp_ns, state, earth), stamp_ns
         )
 
     def _show(self) -> None:
@@ -375,7 +361,9 @@ class ViewNode(FlightNode):
         direction = state["thrust_direction"]
         turn = turn_rate(shown.direction, direction, seconds)
         shown.shown_ns, shown.direction = stamp_ns, direction
-        self._publish(TF, messages.moving_frames(self._frames, stamp_ns, state, earth), stamp_ns)
+        self._publish(
+            qos.TF, messages.moving_frames(self._frames, stamp_ns, state, earth), stamp_ns
+        )
         self._publish(POSE, messages.pose(self._frames, stamp_ns, state), stamp_ns)
         self._publish(TWIST, messages.twist(self._frames, stamp_ns, state, turn), stamp_ns)
         self._publish(FIX, messages.fix(self._frames, stamp_ns, state, earth), stamp_ns)
@@ -383,7 +371,7 @@ class ViewNode(FlightNode):
         if burns != shown.burns:
             shown.burns = burns
             self._publish(MARKER, messages.arrow(self._frames, stamp_ns, burns), stamp_ns)
-        self._forward(VEHICLE_STATE, stamp_ns, data)
+        self._forward(qos.VEHICLE_STATE, stamp_ns, data)
         if self._foxglove is not None:
             self._foxglove.broadcast_time(stamp_ns)
 
@@ -415,9 +403,9 @@ class ViewNode(FlightNode):
         except RuntimeError as error:
             raise NodeError(f"foxglove_port is {port}, which cannot be opened: {error}") from error
         kinds = {name: (kind, keep) for name, (kind, keep) in FORWARDED.items()}
-        for name, (kind, qos) in PUBLISHED.items():
-            late = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-            kinds[name] = kind, qos.depth if late else 0
+        for name, (kind, profile) in PUBLISHED.items():
+            late = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+            kinds[name] = kind, profile.depth if late else 0
         for name, (kind, keep) in kinds.items():
             package, *_ = kind.__module__.split(".")
             server.add(self.resolve_topic_name(name), f"{package}/msg/{kind.__name__}", keep)
@@ -425,16 +413,20 @@ class ViewNode(FlightNode):
 
     def _more_inputs(self) -> list[Any]:
         """Subscribe to what only Foxglove gets: states and commands thinned, the rest complete."""
-        kinds = ((NAV_STATE, GLIMPSE), (THRUST_COMMAND, GLIMPSE), (GUIDANCE_STATUS, FLIGHT))
+        kinds = (
+            (qos.NAV_STATE, GLIMPSE),
+            (qos.THRUST_COMMAND, GLIMPSE),
+            (qos.GUIDANCE_STATUS, qos.FLIGHT),
+        )
         return [
             *(
                 self.create_subscription(
-                    FORWARDED[name][0], name, partial(self._on_more, name), qos, raw=True
+                    FORWARDED[name][0], name, partial(self._on_more, name), profile, raw=True
                 )
-                for name, qos in kinds
+                for name, profile in kinds
             ),
             self.create_subscription(
-                DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC
+                DiagnosticArray, qos.DIAGNOSTICS, self._on_diagnostics, qos.DIAGNOSTIC
             ),
         ]
 
@@ -457,7 +449,7 @@ class ViewNode(FlightNode):
             # heartbeats are stamped by the wall clock
             return
         if not any(of_another_flight(status, self.flight_id) for status in message.status):
-            self._forward(DIAGNOSTICS, ns_from_stamp(message.header.stamp), message)
+            self._forward(qos.DIAGNOSTICS, ns_from_stamp(message.header.stamp), message)
 
     def _forward(self, topic: str, stamp_ns: int, message: Any) -> None:
         """Send a message, serialized or not, to Foxglove."""
