@@ -20,7 +20,7 @@ from ares_bags.reader import Bag, open_bag
 from ares_bags.types import check_installed
 from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY
 from ares_bringup.flown_mission import FlownMission, flown_mission, told_of
-from ares_bringup.options import CannotStart, refusal
+from ares_bringup.options import CannotStart, refusals
 from ares_guidance.laws import find_law
 from ares_guidance.messages import ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.node import PARAMETERS
@@ -144,11 +144,9 @@ def check(path: Path, given: Mapping[str, str]) -> Comparison:
     Raises:
         CannotStart: it cannot be checked; one line.
     """
-    try:
+    with refusals(BagError):
         bag = open_bag(path)
         recorded = _read(bag)
-    except BagError as error:
-        raise CannotStart(str(error)) from error
     turns = _turns(recorded)
     found = flown_mission(path, bag.custom_data, given.get("mission"))
     flown = [_flown_by(bag, recorded, turn, given) for turn in turns]
@@ -312,10 +310,8 @@ def _fly(
     answered: Mapping[str, dict[int, Any]],
 ) -> None:
     """Give the states of a turn to a guidance; add its answers by topic and stamp to `answered`."""
-    try:
+    with refusals():
         answers = Answers(mission, values)
-    except ValueError as error:
-        raise refusal(error) from error
     states = recorded.states[turn.begin : turn.end]
     heard = {
         stamp

@@ -106,19 +106,6 @@ def flight_graph(
             context.try_shutdown()
 
 
-def make_watch(monitor: "FlightMonitor", terms: Callbacks, stop: "StopSignals") -> Watch:
-    """Make the watch over a flight.
-
-    Args:
-        monitor: of the flight.
-        terms: callbacks of the flight.
-        stop: signals so far.
-    """
-    # only on a terminal: for a program, the lines must not depend on the machine's speed
-    patience = PATIENCE if sys.stderr.isatty() else math.inf
-    return Watch(monitor, terms.say, lambda: stop.requested, terms.begun, patience)
-
-
 @contextmanager
 def spinning(
     monitor: "FlightMonitor", executor: "Executor", stop: "StopSignals"
@@ -133,8 +120,25 @@ def spinning(
         stop.wake_with(executor.wake)
 
 
-def keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> None:
-    """Spin until the flight is over or lost."""
+def keep_watch(
+    monitor: "FlightMonitor",
+    terms: Callbacks,
+    stop: "StopSignals",
+    spinner: "Spinner",
+    lost: Callable[[], bool],
+) -> None:
+    """Spin until the flight is over or lost.
+
+    Args:
+        monitor: of the flight.
+        terms: callbacks of the flight.
+        stop: signals so far.
+        spinner: of its executor.
+        lost: whether the flight cannot go on.
+    """
+    # only on a terminal: for a program, the lines must not depend on the machine's speed
+    patience = PATIENCE if sys.stderr.isatty() else math.inf
+    watch = Watch(monitor, terms.say, lambda: stop.requested, terms.begun, patience)
     while not watch.over():
         spinner.spin()
         if lost():

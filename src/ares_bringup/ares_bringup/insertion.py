@@ -32,16 +32,11 @@ def orbit_state(position: Sequence[float], velocity: Sequence[float]) -> OrbitSt
         position: m, shape (3,).
         velocity: inertial, m/s, shape (3,).
     """
+    from ares_models.judge import FIGURES
     from ares_models.orbits import Insertion
 
-    state = Insertion.from_state(position, velocity)
-    return OrbitState(
-        state.radius,
-        state.speed,
-        math.degrees(state.flight_path_angle),
-        math.degrees(state.inclination),
-        math.degrees(state.ascending_node),
-    )
+    state = vars(Insertion.from_state(position, velocity))
+    return _in_degrees(state, sum(figure.bit for figure in FIGURES))
 
 
 def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
@@ -55,17 +50,13 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
         position: flown, m, shape (3,).
     """
     target = facts.target
-    if int(target["kind"]) == layout.TARGET_ELEMENTS:
-        return _named_state(target)
     if int(target["kind"]) != layout.TARGET_KEPLERIAN:
-        plane = int(target["kind"]) == layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
-        return OrbitState(
-            float(target["radius"]),
-            float(target["speed"]),
-            math.degrees(float(target["flight_path_angle"])),
-            math.degrees(float(target["inclination"])),
-            math.degrees(float(target["ascending_node"])) if plane else math.nan,
-        )
+        named = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PATH_ANGLE
+        named |= layout.NAMES_INCLINATION
+        if int(target["kind"]) == layout.TARGET_RADIUS_SPEED_ANGLE_PLANE:
+            named |= layout.NAMES_ASCENDING_NODE
+        elements = int(target["kind"]) == layout.TARGET_ELEMENTS
+        return _in_degrees(target, int(target["named"]) if elements else named)
     from ares_models.orbits import Elements
 
     orbit = Elements(
@@ -88,17 +79,16 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
     return orbit_state(there[0].tolist(), there[1].tolist())
 
 
-def _named_state(target: Any) -> OrbitState:
-    """Return the quantities that a target by elements fixes; NaN for the others."""
-    named = int(target["named"])
+def _in_degrees(state: Any, named: int) -> OrbitState:
+    """Return the quantities of a state in SI and rad, by name; NaN for those not named."""
+    from ares_models.judge import FIGURES
+
+    count = len(fields(OrbitState))
     return OrbitState(
-        float(target["radius"]) if named & layout.NAMES_RADIUS else math.nan,
-        float(target["speed"]) if named & layout.NAMES_SPEED else math.nan,
-        math.degrees(target["flight_path_angle"])
-        if named & layout.NAMES_FLIGHT_PATH_ANGLE
-        else math.nan,
-        math.degrees(target["inclination"]) if named & layout.NAMES_INCLINATION else math.nan,
-        math.degrees(target["ascending_node"]) if named & layout.NAMES_ASCENDING_NODE else math.nan,
+        *(
+            figure.in_unit(state[figure.name]) if named & figure.bit else math.nan
+            for figure in FIGURES[:count]
+        )
     )
 
 

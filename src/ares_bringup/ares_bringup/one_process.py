@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fly with all nodes in this process."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from ares_bringup.graph import Callbacks, Say, flight_graph, keep_watch, make_watch, spinning
+from ares_bringup.graph import Callbacks, Say, flight_graph, keep_watch, spinning
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR, VIEW
 from ares_bringup.options import CannotStart
 from ares_bringup.outcomes import EXIT_CANNOT_START
@@ -16,6 +17,16 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from ares_node.node import FlightNode
+
+
+#: Classes of the nodes.
+CLASSES = {
+    SIMULATOR: "ares_vehicle_sim.node:VehicleSimNode",
+    GUIDANCE: "ares_guidance.node:GuidanceNode",
+    OPTIMIZER: "ares_optimizer.node:OptimizerNode",
+    VIEW: "ares_view.standard.node:ViewNode",
+    RECORDER: "ares_bags.recorder:RecorderNode",
+}
 
 
 def fly_in_process(
@@ -43,11 +54,10 @@ def fly_in_process(
             for name in (OPTIMIZER, VIEW, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
-            watch = make_watch(monitor, terms, stop)
             with spinning(monitor, executor, stop) as spinner:
                 for node in nodes.values():
                     node.when_done = spinner.come_back
-                keep_watch(watch, spinner, lost)
+                keep_watch(monitor, terms, stop, spinner, lost)
             for node in _in_order_of_end(nodes):
                 if not node.done:
                     node.drain(executor)
@@ -85,7 +95,7 @@ def _started(
 
     overrides = [Parameter(key, value=value) for key, value in values.items()]
     try:
-        node = _node_class(name)(
+        node: FlightNode = resolve_name(CLASSES[name])(
             context=judge.context,
             namespace=judge.get_namespace(),
             cli_args=["--ros-args", *remappings(judge.get_namespace())],
@@ -101,28 +111,6 @@ def _started(
         node.destroy_node()
         raise CannotStart(f"{name}: {reason}")
     return node
-
-
-def _node_class(name: str) -> "Callable[..., FlightNode]":
-    if name == SIMULATOR:
-        from ares_vehicle_sim.node import VehicleSimNode
-
-        return VehicleSimNode
-    if name == GUIDANCE:
-        from ares_guidance.node import GuidanceNode
-
-        return GuidanceNode
-    if name == OPTIMIZER:
-        from ares_optimizer.node import OptimizerNode
-
-        return OptimizerNode
-    if name == VIEW:
-        from ares_view.standard.node import ViewNode
-
-        return ViewNode
-    from ares_bags.recorder import RecorderNode
-
-    return RecorderNode
 
 
 def _node_lost(nodes: "Mapping[str, FlightNode]", summary: FlightSummary, say: Say) -> bool:

@@ -54,11 +54,12 @@ def refusal(
 
 
 @contextmanager
-def refusals() -> Iterator[None]:
-    """Convert errors of values that were given to CannotStart, in one line."""
+def refusals(*kinds: type[Exception]) -> Iterator[None]:
+    """Convert errors of some kinds to CannotStart, in one line; by default those of values."""
+    caught = kinds or (ValueError,)
     try:
         yield
-    except ValueError as error:
+    except caught as error:
         raise refusal(error) from error
 
 

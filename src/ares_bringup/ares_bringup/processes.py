@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ares_bringup.crew import Crew, describe_end, ros_arguments
-from ares_bringup.graph import Callbacks, Say, flight_graph, keep_watch, make_watch, spinning
+from ares_bringup.graph import Callbacks, Say, flight_graph, keep_watch, spinning
 from ares_bringup.held import shared_memory_cleared
 from ares_bringup.keeper import (
     GUIDANCE,
@@ -99,9 +99,8 @@ def fly_in_processes(
                 start(name)
         with flight_graph(summary, say, lambda: False) as (monitor, executor, stop):
             audience.come(monitor)
-            watch = make_watch(monitor, terms, stop)
             with spinning(monitor, executor, stop) as spinner:
-                keep_watch(watch, spinner, lost)
+                keep_watch(monitor, terms, stop, spinner, lost)
 
             within = INTERRUPTED_STOP_TIMEOUT if stop.requested else NODE_STOP_TIMEOUT
             _end_crew(crew, summary, say, executor, within)

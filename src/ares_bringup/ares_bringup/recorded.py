@@ -4,9 +4,9 @@
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from ares_models.units import NANOSECONDS
 from ares_studies.event_words import hand_over
 
 Columns = Mapping[str, NDArray[Any]]
+Row = TypeVar("Row", Event, GuidanceSample)
 
 #: Topics and fields read from a bag.
 TOPICS = {
@@ -104,9 +105,12 @@ def read_flight(path: Path, given: str | None = None) -> RecordedFlight:
     found = flown_mission(path, contents.custom, given)
     law = contents.custom.get("law", "unknown")
     summary = FlightSummary(facts_of(found.mission), law, str(path))
-    for event in _events(contents.columns["flight_event"]):
+    for event in _rows(Event, contents.columns["flight_event"]):
         summary.add_event(event)
-    for status in _statuses(contents.columns["guidance_status"]):
+    statuses = contents.columns["guidance_status"]
+    if "phase" in statuses:
+        statuses = {**statuses, "boosts": statuses["phase"] == PHASE_BOOST}
+    for status in _rows(GuidanceSample, statuses):
         summary.add_status(status)
     _find_moments(summary, found.mission, contents.columns["vehicle_state"])
     for complaint in contents.complaints:
@@ -186,16 +190,13 @@ def _salvage(path: Path, error: BagError) -> _Contents:
     return replace(contents, missing=f"{saved.problem}; {saved.loss}")
 
 
-def _events(columns: Columns) -> Iterator[Event]:
-    for i in range(len(columns["time"])):
-        yield Event(
-            type=int(columns["type"][i]),
-            index=int(columns["index"][i]),
-            time=float(columns["time"][i]),
-            position=_vector(columns["position"][i]),
-            velocity=_vector(columns["velocity"][i]),
-            mass=float(columns["mass"][i]),
-        )
+def _rows(kind: type[Row], columns: Columns) -> Iterator[Row]:
+    """Make an object of each row of some columns, which have the names of its fields."""
+    if len(columns["time"]):
+        values = [columns[item.name].tolist() for item in fields(kind)]
+        for row in zip(*values, strict=True):
+            cells: list[Any] = [tuple(value) if isinstance(value, list) else value for value in row]
+            yield kind(*cells)
 
 
 def _find_moments(summary: FlightSummary, mission: Mission, truth: Columns) -> None:
@@ -207,27 +208,6 @@ def _find_moments(summary: FlightSummary, mission: Mission, truth: Columns) -> N
         for moment in summary.moments
     ]
     summary.set_air(passage_of(truth))
-
-
-def _statuses(columns: Columns) -> Iterator[GuidanceSample]:
-    for i in range(len(columns["time"])):
-        yield GuidanceSample(
-            time=float(columns["time"][i]),
-            cycle=int(columns["cycle"][i]),
-            converged=bool(columns["converged"][i]),
-            total_iterations=int(columns["total_iterations"][i]),
-            stale_cycles=int(columns["stale_cycles"][i]),
-            law=int(columns["law"][i]),
-            cutoff_time=float(columns["cutoff_time"][i]),
-            predicted_position=_vector(columns["predicted_position"][i]),
-            predicted_velocity=_vector(columns["predicted_velocity"][i]),
-            boosts=bool(columns["phase"][i] == PHASE_BOOST),
-        )
-
-
-def _vector(values: NDArray[np.float64]) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 def _complaints(bag: Bag) -> Iterator[Diagnostic]:

@@ -145,22 +145,13 @@ def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
         lines.append(("final mass", f"{number(summary.m_f_kg, 2)} kg{_beside_plan(summary)}"))
     predicted = summary.last_converged
     if summary.t_meco_s is not None and predicted is not None:
-        lines.append(
-            (
-                "cut-off",
-                f"{number(summary.t_meco_s, 3)} s, predicted {number(predicted.cutoff_time, 3)} s",
-            )
-        )
+        planned = f"predicted {number(predicted.cutoff_time, 3)} s"
+        lines.append(("cut-off", f"{number(summary.t_meco_s, 3)} s, {planned}"))
     # a long name keeps its distance
     lines += [(f"{fall.title:<19} ", fall.words) for fall in summary.falls]
     iterations = summary.first_convergence_iterations
-    lines.append(
-        (
-            "guidance",
-            f"{summary.guidance_cycles} cycles"
-            + (f", first solution after {iterations} iterations" if iterations else ""),
-        )
-    )
+    first = f", first solution after {iterations} iterations" if iterations else ""
+    lines.append(("guidance", f"{summary.guidance_cycles} cycles{first}"))
     # where a law has no solution, peg flies
     if summary.guidance != PEG and summary.laws[LAW_PEG]:
         lines.append(("flown by peg", f"{summary.laws[LAW_PEG]} cycles"))
@@ -171,12 +162,7 @@ def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
     if summary.lost_messages:
         lines.append(("lost messages", str(summary.lost_messages)))
     factor = summary.realtime_factor
-    lines.append(
-        (
-            "wall time",
-            f"{number(summary.wall_s, 1)} s with start-up"
-            + (f"; flown at {factor:,.3g} times real time" if factor else ""),
-        )
-    )
+    pace = f"; flown at {factor:,.3g} times real time" if factor else ""
+    lines.append(("wall time", f"{number(summary.wall_s, 1)} s with start-up{pace}"))
     lines.append(("bag", shown_path(summary.bag) if summary.bag else "none"))
     return lines

@@ -17,14 +17,7 @@ from ares_bringup.outcomes import (
     Outcome,
 )
 from ares_models.arrays import LONGEST_FLIGHT
-from ares_studies.event_words import (
-    ENDS,
-    HAND_OVER,
-    Moment,
-    air_moments,
-    event_name,
-    hand_over,
-)
+from ares_studies.event_words import ENDS, HAND_OVER, Moment, air_moments, event_name, hand_over
 from ares_vehicle_sim import arrays as codes
 
 if TYPE_CHECKING:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describe a flight as the object that `ares fly --json` prints."""
 
-import math
 from typing import TYPE_CHECKING, Any
+
+from ares_bringup.plain_json import finite
 
 if TYPE_CHECKING:
     from ares_bringup.summary import FlightSummary
@@ -67,7 +68,7 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
             for line in summary.diagnostics
         ],
     }
-    return {key: _json_value(value) for key, value in result.items()}
+    return {key: finite(value) for key, value in result.items()}
 
 
 def _in_air(state: "AirState | None") -> dict[str, float] | None:
@@ -105,13 +106,3 @@ def _fall(fall: "Fall") -> dict[str, Any]:
         "downrange_m": fall.downrange_m,
         "speed_m_s": fall.speed_m_s,
     }
-
-
-def _json_value(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: _json_value(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_json_value(item) for item in value]
-    return value

@@ -36,16 +36,7 @@ from ares_bringup.audience import LIVE
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.discovery import check_protection, discovery_settings
 from ares_bringup.inputs import absolute_namespace, check_inputs
-from ares_bringup.keeper import (
-    GUIDANCE,
-    JUDGE,
-    KEPT,
-    OPTIMIZER,
-    RECORDER,
-    SIMULATOR,
-    VIEW,
-    Keeper,
-)
+from ares_bringup.keeper import GUIDANCE, JUDGE, KEPT, OPTIMIZER, RECORDER, SIMULATOR, VIEW, Keeper
 from ares_bringup.launch_verdict import LaunchVerdict, end_launch_with, is_launched_itself
 from ares_bringup.node_values import optimizer_values
 from ares_bringup.options import CannotStart, FlyOptions, domain_id, refusals

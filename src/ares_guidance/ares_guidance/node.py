@@ -12,12 +12,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 
 from ares_guidance import arrays as layout
-from ares_guidance.findings import (
-    SAFE_ORBIT,
-    aims_at_safe_orbit,
-    describe,
-    describe_avoiding,
-)
+from ares_guidance.findings import SAFE_ORBIT, aims_at_safe_orbit, describe, describe_avoiding
 from ares_guidance.law import why_no_plan
 from ares_guidance.laws import FindsNoWay, check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers

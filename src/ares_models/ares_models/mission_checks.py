@@ -13,12 +13,7 @@ from ares_models.mission_boosters import check_boosters
 from ares_models.mission_keys import fail
 from ares_models.mission_masses import check_mass_forms, check_masses
 from ares_models.mission_parts import Stage
-from ares_models.mission_physics import (
-    check_body,
-    check_engines,
-    check_flight_time,
-    check_lift_off,
-)
+from ares_models.mission_physics import check_body, check_engines, check_flight_time, check_lift_off
 from ares_models.mission_programme import check_programme, flown_whole
 from ares_models.mission_start import check_initial_state
 

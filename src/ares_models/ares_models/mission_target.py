@@ -15,11 +15,7 @@ from ares_models.conic import Conic, complete
 from ares_models.mission_arcs import ORBIT_KEYS, CoastArc
 from ares_models.mission_keys import Part, added_later, by_keys, fail, optional
 from ares_models.ranges import Range
-from ares_models.sidereal import (
-    greenwich_sidereal_time_deg,
-    node_of_local_time_deg,
-    turns_as_earth,
-)
+from ares_models.sidereal import greenwich_sidereal_time_deg, node_of_local_time_deg, turns_as_earth
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission

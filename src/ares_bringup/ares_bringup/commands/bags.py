@@ -17,7 +17,8 @@ from ares_bags.verify import BagVerification, verify
 from ares_bags.writer import INCOMPLETE_KEY
 from ares_bringup.commands.interrupts import note_written
 from ares_bringup.flown_mission import flown_mission
-from ares_bringup.options import CannotStart, LiveOptions
+from ares_bringup.options import CannotStart, LiveOptions, refusals
+from ares_bringup.plain_json import print_json
 from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
 
@@ -35,13 +36,11 @@ def show_bag(path: Path, as_json: bool) -> int:
     Raises:
         CannotStart: it cannot be opened; one line.
     """
-    try:
+    with refusals(BagError):
         bag = open_bag(path)
         found = verify(path, decode=False)
-    except BagError as error:
-        raise CannotStart(str(error)) from error
     if as_json:
-        print(json.dumps(_contents(bag) | {"findings": found.findings}, indent=2, allow_nan=False))
+        print_json(_contents(bag) | {"findings": found.findings})
         return _status(found)
     out = console()
     out.print(Text(f"{bag.file}, {number(_size(bag) / 1e6, 2)} MB{_more(bag)}"), soft_wrap=True)
@@ -112,14 +111,11 @@ def verify_bag(path: Path, as_json: bool) -> int:
     Raises:
         CannotStart: it is not a bag; one line.
     """
-    try:
+    with refusals(BagError):
         found = verify(path)
-    except BagError as error:
-        raise CannotStart(str(error)) from error
     incomplete = _incomplete(path)
     if as_json:
-        said = _verification(found) | {"incomplete": incomplete}
-        print(json.dumps(said, indent=2, allow_nan=False))
+        print_json(_verification(found) | {"incomplete": incomplete})
         return _status(found)
     print(f"{found.file}: {found.messages:,} messages in {found.chunks:,} chunks")
     if found.findings:
@@ -182,11 +178,9 @@ def repair_bag(path: Path, into: Path | None) -> int:
     Raises:
         CannotStart: nothing to repair, nothing to save, or the copy cannot be written.
     """
-    try:
+    with refusals(BagError):
         result = repair(path, into)
-        note_written(str(result.path))
-    except BagError as error:
-        raise CannotStart(str(error)) from error
+    note_written(str(result.path))
     print(result.problem)
     print(f"saved {result.saved:,} messages in {result.path}; {result.loss}")
     return EXIT_DAMAGED if result.lost != 0 else 0
@@ -224,11 +218,9 @@ def replay_bag(
             from ares_bringup.audience import served
             from ares_bringup.fly import say_on_standard_error
 
-            try:
+            with refusals(BagError):
                 bag = open_bag(path)
                 home = bag.name_of(SHOWN[0]).removesuffix(f"/{SHOWN[0]}")
-            except BagError as error:
-                raise CannotStart(str(error)) from error
             mission = ""
             # without a mission the page has no names and no verdict
             with suppress(CannotStart):

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Print for `ares replay BAG --check`."""
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +8,7 @@ from typing import Any
 
 from ares_bringup.check import COMMAND, STATUS, TOLERANCE, Comparison, Difference, check
 from ares_bringup.options import CannotStart
+from ares_bringup.plain_json import print_json
 
 EXIT_EQUAL = 0
 EXIT_PARTED = 1
@@ -32,7 +31,7 @@ def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
     """
     result = check(path, given)
     if as_json:
-        print(json.dumps(_finite(_as_json(result)), indent=2, allow_nan=False))
+        print_json(_as_json(result))
     else:
         _print(result)
     if not result.equal:
@@ -59,15 +58,6 @@ def _as_json(result: Comparison) -> dict[str, Any]:
     found = asdict(result)
     found["path"] = str(result.path)
     return {"equal": result.equal, "tolerance": TOLERANCE} | found
-
-
-def _finite(value: Any) -> Any:
-    """Replace numbers that JSON cannot hold."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _print(result: Comparison) -> None:

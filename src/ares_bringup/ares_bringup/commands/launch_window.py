@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Seek and print the launch window for `ares optimize --window`. No ROS."""
 
-import json
 import math
 from typing import Any
 
 from ares_bringup.commands.optimize import NOT_FOUND, VERDICTS, plain_table, sought
+from ares_bringup.plain_json import print_json
 from ares_bringup.report import BLANK, console
 from ares_models.mission import Mission
 from ares_optimizer.window import Launch, Window, launch_window
@@ -30,8 +30,7 @@ def optimize_launch(mission_name: str, minutes: int, as_json: bool, time_limit_s
     )
     if as_json:
         rows = [_facts(launch, found.best) for launch in found.launches]
-        text = {"best": _facts(found.best, found.best), "launches": rows}
-        print(json.dumps(text, indent=2, allow_nan=False))
+        print_json({"best": _facts(found.best, found.best), "launches": rows})
     else:
         _print(mission, found)
     return _verdict(found.best)[1]

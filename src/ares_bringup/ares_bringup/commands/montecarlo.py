@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fly campaigns for `ares montecarlo`. No ROS."""
 
-import json
 import math
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from shlex import join
@@ -20,8 +18,9 @@ from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.commands.interrupts import note_written, report_interrupt
-from ares_bringup.options import PEG, refusal, self_starting
+from ares_bringup.options import PEG, refusal, refusals, self_starting
 from ares_bringup.parameter_tables import offered
+from ares_bringup.plain_json import print_json
 from ares_bringup.progress import bar
 from ares_bringup.rehearsal import rehearse
 from ares_bringup.report import console, number, shown_path
@@ -52,6 +51,8 @@ EXIT_INTERRUPTED = 130
 CAMPAIGNS = "campaigns"
 REPORT = "report.html"
 FOOTPRINTS = "footprints.kml"
+#: Faults of what was given, each with a text of one line.
+FAULTS = (InputError, AtmosphereError, StoreError, EngineError)
 #: Share of a tolerance from which on a J2 that is not on board is told as a cause of misses.
 MUCH = 0.5
 #: Label, unit, factor and decimals of the loads in the summary.
@@ -130,15 +131,6 @@ class CampaignOptions:
         return join(words)
 
 
-@contextmanager
-def _one_line() -> Iterator[None]:
-    """Convert errors with a one-line text to CannotStart."""
-    try:
-        yield
-    except (InputError, AtmosphereError, StoreError, EngineError) as error:
-        raise refusal(error) from error
-
-
 def montecarlo(options: CampaignOptions, begun: float) -> int:
     """Fly a campaign and print its summary.
 
@@ -154,7 +146,7 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
     """
     settings = options.settings()
     if options.out is not None:
-        with _one_line():
+        with refusals(*FAULTS):
             check_campaign(options.out)
     clock = time.monotonic()
     flown = {"mission": options.mission, "law": settings.law}
@@ -164,7 +156,7 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
     if options.only:
         return _fly_alone(options, settings, begun)
     folder = options.out or new_bag(f"{settings.mission.name}_{settings.law}", _campaigns())
-    with _one_line():
+    with refusals(*FAULTS):
         engine = choose(options.scheduler, options.workers)
         clock = time.monotonic()
         settings = settings.planned()
@@ -381,7 +373,7 @@ def _report(
         ],
     }
     if options.as_json:
-        print(json.dumps(_plain(said), indent=2, allow_nan=False))
+        print_json(said)
     else:
         _print(options, settings, summary, said, console())
 
@@ -400,17 +392,6 @@ def _verdict(tally: Tally) -> dict[str, Any]:
         **{name: tally.counts[name] for name in FLAGS},
         "m_f_kg": {"mean": mean, "std": deviation, "min": tally.least, "max": tally.most},
     }
-
-
-def _plain(value: Any) -> Any:
-    """Replace non-finite numbers by None, at any depth."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 def _print(
@@ -500,7 +481,7 @@ def _reserve(summary: Summary, n: int) -> str:
 def _fly_alone(options: CampaignOptions, settings: Settings, begun: float) -> int:
     tally = Tally()
     rows = []
-    with _one_line():
+    with refusals(*FAULTS):
         flyer = FlightRange(settings)
         clock = time.monotonic()
         for flight in options.only:
@@ -517,7 +498,7 @@ def _fly_alone(options: CampaignOptions, settings: Settings, begun: float) -> in
             "results": None,
             "flights": rows,
         }
-        print(json.dumps(_plain(said), indent=2, allow_nan=False))
+        print_json(said)
         return EXIT_DONE
     out = console()
     for row in rows:

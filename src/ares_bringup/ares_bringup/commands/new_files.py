@@ -12,9 +12,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from ares_bringup.commands.interrupts import note_written
-from ares_bringup.options import CannotStart, refusal
+from ares_bringup.options import CannotStart, refusals
 from ares_models.commented import commented
-from ares_models.input_file import InputError, InputKind, KeyPath, read_input
+from ares_models.input_file import InputKind, KeyPath, read_input
 from ares_models.json_schema import json_schema
 from ares_models.mission import MISSION, TEMPLATE, Mission, load_mission
 from ares_vehicle_sim.dispersions import DISPERSIONS, Dispersions
@@ -117,12 +117,10 @@ def new_mission(name: str, out: Path | None, like: str | None) -> None:
 
 
 def _mission_data(like: str | None) -> dict[str, Any]:
-    try:
+    with refusals():
         path = TEMPLATE if like is None else MISSION.find(like)
         load_mission(path)
         return read_input(path, MISSION)[0]
-    except InputError as error:
-        raise refusal(error) from error
 
 
 def new_dispersions(mission_name: str, out: Path | None) -> None:
@@ -135,10 +133,8 @@ def new_dispersions(mission_name: str, out: Path | None) -> None:
     Raises:
         CannotStart: invalid mission, or the file exists; one line.
     """
-    try:
+    with refusals():
         mission = load_mission(mission_name)
-    except InputError as error:
-        raise refusal(error) from error
     path = Path(f"{mission.name}_dispersions.yaml") if out is None else out
     data: dict[str, Any] = {}
     reasons: dict[KeyPath, str] = {}

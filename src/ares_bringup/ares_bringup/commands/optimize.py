@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solve and print for `ares optimize`. No ROS."""
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -17,6 +16,7 @@ from rich.text import Text
 from ares_bringup.commands.interrupts import note_found
 from ares_bringup.doubts import show_warning, show_warnings
 from ares_bringup.options import CannotStart, refusal
+from ares_bringup.plain_json import print_json
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
 from ares_bringup.whole_file import check_file
@@ -132,7 +132,7 @@ def optimize(
         raise refusal(error, mission, mission_name) from error
     _doubt_pressure(mission, solution)
     if as_json:
-        print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
+        print_json(solution.to_json(mission.arc_names))
     else:
         _print(mission, solution, console())
     if out is not None:
@@ -160,8 +160,7 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
     _doubt_pressure(found.mission, found.solution)
     if as_json:
         known = {"payload_kg": found.payload_kg, "left_kg": found.left_kg}
-        text = {**known, **found.solution.to_json(mission.arc_names)}
-        print(json.dumps(text, indent=2, allow_nan=False))
+        print_json({**known, **found.solution.to_json(mission.arc_names)})
     else:
         out = console()
         asked = mission.payload_kg or 0.0

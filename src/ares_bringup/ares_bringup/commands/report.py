@@ -21,13 +21,7 @@ from ares_bringup.summary import FlightSummary
 from ares_bringup.whole_file import check_file, write_whole
 from ares_studies.flight_page.budget import Budget
 from ares_studies.flight_page.data import AirPart, DrawnFlight, Recording, make_flight
-from ares_studies.flight_page.page import (
-    MAX_FLIGHTS,
-    Account,
-    Complaint,
-    make_report,
-    render,
-)
+from ares_studies.flight_page.page import MAX_FLIGHTS, Account, Complaint, make_report, render
 from ares_studies.pages import parts
 from ares_studies.pages.parts import Cell, Column, Guide, PageTable, Row, small, word
 from ares_studies.pages.templates import chosen_name
@@ -196,14 +190,10 @@ def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
     lines += _made_by(flown.custom)
     if summary.guidance_cycles:
         iterations = summary.first_convergence_iterations
-        lines.append(
-            (
-                "cycles",
-                f"{summary.guidance_cycles:,}"
-                + (f", first solution after {iterations} iterations" if iterations else "")
-                + (f", {summary.lost_messages:,} not recorded" if summary.lost_messages else ""),
-            )
-        )
+        cycles = f"{summary.guidance_cycles:,}"
+        cycles += f", first solution after {iterations} iterations" if iterations else ""
+        cycles += f", {summary.lost_messages:,} not recorded" if summary.lost_messages else ""
+        lines.append(("cycles", cycles))
     if summary.diagnostic_count:
         lines.append(("warnings", f"{summary.diagnostic_count:,}"))
     return lines

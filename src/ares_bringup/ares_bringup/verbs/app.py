@@ -17,12 +17,7 @@ from typer.core import TyperGroup
 
 from ares_bags.errors import printable
 from ares_bringup import __version__
-from ares_bringup.options import (
-    MAX_PORT,
-    CannotStart,
-    LiveOptions,
-    has_display,
-)
+from ares_bringup.options import MAX_PORT, CannotStart, LiveOptions, has_display
 from ares_bringup.parameter_tables import offered
 from ares_guidance.registry import law_names
 from ares_models.registry import registered

@@ -7,20 +7,8 @@ from typing import Annotated
 import typer
 
 from ares_bringup.options import ExportFormat, ExportTable
-from ares_bringup.verbs.app import (
-    LOOPBACK,
-    BadInput,
-    LiveHost,
-    LivePort,
-    NoBrowser,
-    OtherMission,
-    app,
-    bag_app,
-    check_page,
-    live_options,
-    needs,
-    one_line,
-)
+from ares_bringup.verbs import app as shared
+from ares_bringup.verbs.app import BadInput, app, needs
 
 CHECK_STATUSES = """Exit status of --check:
 
@@ -49,7 +37,7 @@ CheckSettings = Annotated[
 ]
 
 
-@bag_app.command("info")
+@shared.bag_app.command("info")
 def bag_info(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -63,7 +51,7 @@ def bag_info(
     raise typer.Exit(show_bag(bag, as_json))
 
 
-@bag_app.command("verify")
+@shared.bag_app.command("verify")
 def bag_verify(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -77,7 +65,7 @@ def bag_verify(
     raise typer.Exit(verify_bag(bag, as_json))
 
 
-@bag_app.command("repair")
+@shared.bag_app.command("repair")
 def bag_repair(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a damaged bag.")],
     into: Annotated[
@@ -117,9 +105,9 @@ def replay(
     live: Annotated[
         bool, typer.Option("--live", help="Follow it on a page in the browser.")
     ] = False,
-    live_host: LiveHost = LOOPBACK,
-    live_port: LivePort = 0,
-    no_browser: NoBrowser = False,
+    live_host: shared.LiveHost = shared.LOOPBACK,
+    live_port: shared.LivePort = 0,
+    no_browser: shared.NoBrowser = False,
     check: Check = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Of --check: print one JSON object.")
@@ -138,7 +126,7 @@ def replay(
     q ends.
     """
     published = (pace, start, end, topic, namespace)
-    check_page(live, live_host, live_port, no_browser)
+    shared.check_page(live, live_host, live_port, no_browser)
     if check:
         if loop or live or any(given is not None for given in published):
             raise BadInput("--check publishes nothing: it goes without the options of publishing")
@@ -150,7 +138,7 @@ def replay(
     from ares_bringup.commands.bags import replay_bag
 
     extract = {"topics": topic or None, "start_s": start, "end_s": end, "loop": loop}
-    page = live_options(live_host, live_port, no_browser, False) if live else None
+    page = shared.live_options(live_host, live_port, no_browser, False) if live else None
     raise typer.Exit(replay_bag(bag, 1.0 if pace is None else pace, extract, namespace, page))
 
 
@@ -172,7 +160,7 @@ def plot(
         Path | None,
         typer.Option(help="Image file (.png, .svg, .pdf); default: flight.png in the bag."),
     ] = None,
-    mission: OtherMission = None,
+    mission: shared.OtherMission = None,
 ) -> None:
     """Draw a recorded flight; of a damaged bag what is intact, exit status 1."""
     needs("pages")
@@ -181,7 +169,7 @@ def plot(
     image, missing = plot_bag(bag, out, mission)
     typer.echo(image)
     if missing:
-        typer.echo(f"ares: {one_line(missing)}", err=True)
+        typer.echo(f"ares: {shared.one_line(missing)}", err=True)
         raise typer.Exit(1)
 
 
@@ -197,7 +185,7 @@ def report(
             "first."
         ),
     ] = None,
-    mission: OtherMission = None,
+    mission: shared.OtherMission = None,
 ) -> None:
     """Show a recorded flight, or several over each other, on one HTML page."""
     needs("pages")
@@ -223,7 +211,7 @@ def export(
             help="The file; default: flight or events, with the format's end, in the bag."
         ),
     ] = None,
-    mission: OtherMission = None,
+    mission: shared.OtherMission = None,
 ) -> None:
     """Write a recorded flight for other tools. Exit status 1: the bag is damaged."""
     if table is not None and form not in (ExportFormat.CSV, ExportFormat.PARQUET):

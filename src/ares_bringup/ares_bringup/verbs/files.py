@@ -6,24 +6,18 @@ from typing import Annotated
 
 import typer
 
-from ares_bringup.verbs.app import (
-    FilesArgument,
-    MissionOption,
-    SchemaOut,
-    dispersions_app,
-    missions_app,
-)
+from ares_bringup.verbs import app as shared
 
 
-@missions_app.command("list")
-def missions_list(files: FilesArgument = None) -> None:
+@shared.missions_app.command("list")
+def missions_list(files: shared.FilesArgument = None) -> None:
     """List the shipped missions, or check mission files."""
     from ares_bringup.commands.mission_list import show_missions
 
     raise typer.Exit(show_missions(files or ()))
 
 
-@missions_app.command("new")
+@shared.missions_app.command("new")
 def missions_new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Letters, digits and underscores.")],
     out: Annotated[
@@ -42,8 +36,8 @@ def missions_new(
     new_mission(name, out, like)
 
 
-@missions_app.command("schema")
-def missions_schema(out: SchemaOut = None) -> None:
+@shared.missions_app.command("schema")
+def missions_schema(out: shared.SchemaOut = None) -> None:
     """Print the JSON Schema of a mission file, for editors."""
     from ares_bringup.commands.new_files import show_schema
     from ares_models.mission import MISSION
@@ -51,17 +45,17 @@ def missions_schema(out: SchemaOut = None) -> None:
     show_schema(MISSION, out)
 
 
-@dispersions_app.command("list")
-def dispersions_list(files: FilesArgument = None) -> None:
+@shared.dispersions_app.command("list")
+def dispersions_list(files: shared.FilesArgument = None) -> None:
     """List the shipped dispersions, or check dispersions files."""
     from ares_bringup.commands.mission_list import show_dispersions
 
     raise typer.Exit(show_dispersions(files or ()))
 
 
-@dispersions_app.command("new")
+@shared.dispersions_app.command("new")
 def dispersions_new(
-    mission: MissionOption,
+    mission: shared.MissionOption,
     out: Annotated[
         Path | None,
         typer.Option(help="The file, which must not exist; default: MISSION_dispersions.yaml."),
@@ -73,8 +67,8 @@ def dispersions_new(
     new_dispersions(mission, out)
 
 
-@dispersions_app.command("schema")
-def dispersions_schema(out: SchemaOut = None) -> None:
+@shared.dispersions_app.command("schema")
+def dispersions_schema(out: shared.SchemaOut = None) -> None:
     """Print the JSON Schema of a dispersions file, for editors."""
     from ares_bringup.commands.new_files import show_schema
     from ares_vehicle_sim.dispersions import DISPERSIONS

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Define the verb that flies a mission."""
 
-import json
 import os
 import sys
 from contextlib import ExitStack
@@ -21,23 +20,8 @@ from ares_bringup.options import (
     RESTARTS,
     FlyOptions,
 )
-from ares_bringup.verbs.app import (
-    BEGUN,
-    EXIT_STATUSES,
-    LAWS_HELP,
-    LOOPBACK,
-    BadInput,
-    LiveHost,
-    LivePort,
-    MissionOption,
-    Namespace,
-    NoBrowser,
-    TablesOrJson,
-    app,
-    check_page,
-    live_options,
-    with_settings,
-)
+from ares_bringup.verbs import app as shared
+from ares_bringup.verbs.app import BadInput, app
 
 if TYPE_CHECKING:
     from ares_bringup.summary import FlightSummary
@@ -79,11 +63,11 @@ MostRestarts = Annotated[
 ]
 
 
-@app.command(epilog=EXIT_STATUSES)
-@with_settings()
+@app.command(epilog=shared.EXIT_STATUSES)
+@shared.with_settings()
 def fly(
-    mission: MissionOption = FROM_THE_PAD,
-    guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
+    mission: shared.MissionOption = FROM_THE_PAD,
+    guidance: Annotated[str, typer.Option(help=shared.LAWS_HELP)] = PEG,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="All nodes in one process.")
     ] = False,
@@ -91,7 +75,7 @@ def fly(
         bool,
         typer.Option("--sealed", help="Draw a key: nodes refuse messages without its proof."),
     ] = False,
-    as_json: TablesOrJson = False,
+    as_json: shared.TablesOrJson = False,
     bag: NewBag = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no bag.")] = False,
     flight: CampaignFlight = None,
@@ -99,9 +83,9 @@ def fly(
         bool,
         typer.Option("--live", help="Follow the flight in the browser; default of --pace: 10."),
     ] = False,
-    live_host: LiveHost = LOOPBACK,
-    live_port: LivePort = 0,
-    no_browser: NoBrowser = False,
+    live_host: shared.LiveHost = shared.LOOPBACK,
+    live_port: shared.LivePort = 0,
+    no_browser: shared.NoBrowser = False,
     view: Annotated[
         bool, typer.Option("--view", help="Standard messages for RViz and maps; on with --live.")
     ] = False,
@@ -110,7 +94,7 @@ def fly(
     ] = False,
     foxglove_port: FoxglovePort = None,
     domain_id: DomainId = None,
-    namespace: Namespace = "ares",
+    namespace: shared.Namespace = "ares",
     restarts: MostRestarts = RESTARTS,
     **settings: Any,
 ) -> None:
@@ -118,8 +102,8 @@ def fly(
     _check_bag(bag, no_record)
     if foxglove_port is not None and not foxglove:
         raise BadInput("--foxglove-port goes with --foxglove only")
-    check_page(live, live_host, live_port, no_browser)
-    page = live_options(live_host, live_port, no_browser, as_json)
+    shared.check_page(live, live_host, live_port, no_browser)
+    page = shared.live_options(live_host, live_port, no_browser, as_json)
     if live:
         settings.setdefault("pace", PACE_TO_WATCH)
     options = FlyOptions(
@@ -169,7 +153,7 @@ def _fly(options: FlyOptions, as_json: bool) -> int:
 
         summary = fly_mission(
             options,
-            begun=BEGUN,
+            begun=shared.BEGUN,
             greet=(lambda _line: None) if as_json else typer.echo,
             show=show or (lambda _monitor: None),
             tell=tell,
@@ -183,9 +167,10 @@ def _tell(summary: "FlightSummary", as_json: bool) -> None:
         kept = f"; the bag {summary.bag} is empty" if summary.bag else "; nothing was written"
         print(f"ares: interrupted before the flight began{kept}", file=sys.stderr)
     elif as_json:
+        from ares_bringup.plain_json import print_json
         from ares_bringup.summary_json import to_json
 
-        typer.echo(json.dumps(to_json(summary), indent=2, allow_nan=False))
+        print_json(to_json(summary))
     else:
         from ares_bringup.report import console, print_summary
 

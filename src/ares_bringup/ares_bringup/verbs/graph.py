@@ -10,17 +10,8 @@ from typing import Annotated
 import typer
 
 from ares_bringup.options import MAX_DOMAIN_ID
-from ares_bringup.verbs.app import (
-    LOOPBACK,
-    BadInput,
-    LiveHost,
-    LivePort,
-    Namespace,
-    NoBrowser,
-    app,
-    live_options,
-    needs,
-)
+from ares_bringup.verbs import app as shared
+from ares_bringup.verbs.app import BadInput, app, needs
 
 NODES = {
     "sim": "ares_vehicle_sim",
@@ -36,20 +27,20 @@ def live(
     mission: Annotated[
         str, typer.Option(help="Name or path of the mission; default: as announced by the flight.")
     ] = "",
-    host: LiveHost = LOOPBACK,
-    port: LivePort = 0,
-    no_browser: NoBrowser = False,
+    host: shared.LiveHost = shared.LOOPBACK,
+    port: shared.LivePort = 0,
+    no_browser: shared.NoBrowser = False,
     domain_id: Annotated[
         int | None,
         typer.Option(min=0, max=MAX_DOMAIN_ID, help="ROS domain; default: ROS_DOMAIN_ID, else 0."),
     ] = None,
-    namespace: Namespace = "ares",
+    namespace: shared.Namespace = "ares",
 ) -> None:
     """Follow any flight or replay on a page in the browser, until Ctrl-C."""
     needs("live")
     from ares_bringup.audience import follow
 
-    page = replace(live_options(host, port, no_browser, False), prefix="")
+    page = replace(shared.live_options(host, port, no_browser, False), prefix="")
     follow(page, mission, namespace, domain_id)
 
 

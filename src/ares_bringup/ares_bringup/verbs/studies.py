@@ -9,23 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ares_bringup.options import (
-    MAX_FLIGHTS,
-    MAX_SEED,
-    PEG,
-    HeatingPhase,
-    Maximize,
-)
-from ares_bringup.verbs.app import (
-    BEGUN,
-    SELF_STARTING_HELP,
-    BadInput,
-    MissionOption,
-    TablesOrJson,
-    app,
-    needs,
-    with_settings,
-)
+from ares_bringup.options import MAX_FLIGHTS, MAX_SEED, PEG, HeatingPhase, Maximize
+from ares_bringup.verbs import app as shared
+from ares_bringup.verbs.app import BadInput, app, needs
 from ares_models.registry import registered
 from ares_optimizer.registry import AUTO, method_names
 
@@ -122,7 +108,7 @@ def _refuse(option: str, others: Mapping[str, object]) -> None:
 @app.command()
 @with_options_of_methods
 def optimize(
-    mission: MissionOption = "ares_v",
+    mission: shared.MissionOption = "ares_v",
     method: Annotated[str, typer.Option(help=METHODS_HELP)] = AUTO,
     heating: HeatingHolds = None,
     hold_jettison: HeldJettisons = None,
@@ -185,13 +171,13 @@ def optimize(
 
 
 @app.command()
-@with_settings("cycle_period", "hold_time", "heating_source", "boost_steering")
+@shared.with_settings("cycle_period", "hold_time", "heating_source", "boost_steering")
 def montecarlo(
     n: Annotated[
         int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")
     ] = 1000,
-    mission: MissionOption = "ares_v",
-    guidance: Annotated[str, typer.Option(help=SELF_STARTING_HELP)] = PEG,
+    mission: shared.MissionOption = "ares_v",
+    guidance: Annotated[str, typer.Option(help=shared.SELF_STARTING_HELP)] = PEG,
     dispersions: Annotated[
         str, typer.Option(help="Shipped dispersions' name, or path of a file.")
     ] = "standard",
@@ -203,7 +189,7 @@ def montecarlo(
         Path | None,
         typer.Option(help="Folder, new or of a campaign to go on with; default: a new name."),
     ] = None,
-    as_json: TablesOrJson = False,
+    as_json: shared.TablesOrJson = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads; default: one per core.")
     ] = None,
@@ -237,19 +223,21 @@ def montecarlo(
             success_width=stop_success,
             mass_width_kg=stop_mass,
         ),
-        begun=BEGUN,
+        begun=shared.BEGUN,
     )
     raise typer.Exit(status)
 
 
 @app.command()
 def aborts(
-    mission: MissionOption = "ares_v",
-    guidance: Annotated[str, typer.Option("--guidance", "--law", help=SELF_STARTING_HELP)] = PEG,
+    mission: shared.MissionOption = "ares_v",
+    guidance: Annotated[
+        str, typer.Option("--guidance", "--law", help=shared.SELF_STARTING_HELP)
+    ] = PEG,
     step_s: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="Between the times of failures, s.")
     ] = 1.0,
-    as_json: TablesOrJson = False,
+    as_json: shared.TablesOrJson = False,
     out: Annotated[Path | None, typer.Option(help="Write the map as an HTML page.")] = None,
 ) -> None:
     """Fly every failure at every second; compare with the optimizer that knows of it.

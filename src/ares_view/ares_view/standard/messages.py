@@ -23,14 +23,7 @@ from ares_models.earth import Earth
 from ares_models.frames import Matrix, earth_fixed_from_inertial
 from ares_models.geodesy import earth_fixed_place, geodetic
 from ares_node.time import NANOSECONDS, stamp_from_ns
-from ares_view.standard.frames import (
-    EARTH,
-    Array,
-    Frames,
-    quaternion,
-    start_axes,
-    vehicle_axes,
-)
+from ares_view.standard.frames import EARTH, Array, Frames, quaternion, start_axes, vehicle_axes
 
 #: Lengths in the 3D view, m: arrow along the thrust, letters of an event.
 ARROW_LENGTH = 400e3
