@@ -159,9 +159,7 @@ class RecorderNode(FlightNode):
         )
         try:
             self._writer = BagWriter(
-                self.values["bag"],
-                custom_data,
-                flush_interval_s=self.values["flush_interval_s"],
+                self.values["bag"], custom_data, flush_interval_s=self.values["flush_interval_s"]
             )
         except BagError as error:
             raise NodeError(str(error)) from error

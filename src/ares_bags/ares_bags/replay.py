@@ -192,11 +192,7 @@ def replay(
     extract = extract or Extract()
     names = extract.names(bag)
     full_names = {name: _joined(namespace, name) for name in names}
-    node = Node(
-        f"replay_{os.getpid()}",
-        context=context,
-        use_global_arguments=False,
-    )
+    node = Node(f"replay_{os.getpid()}", context=context, use_global_arguments=False)
     playback = playback or Playback()
     try:
         publishers = {

@@ -109,10 +109,7 @@ class Crew:
                 self._children[name].terminate()
 
     def stop(
-        self,
-        names: Iterable[str],
-        timeout: float,
-        meanwhile: Callable[[], None] | None = None,
+        self, names: Iterable[str], timeout: float, meanwhile: Callable[[], None] | None = None
     ) -> list[str]:
         """End children: SIGTERM unless already sent, SIGKILL to those that do not end.
 

@@ -30,9 +30,7 @@ CLASSES = {
 
 
 def fly_in_process(
-    summary: FlightSummary,
-    parameters: Mapping[str, Mapping[str, Any]],
-    terms: Callbacks,
+    summary: FlightSummary, parameters: Mapping[str, Mapping[str, Any]], terms: Callbacks
 ) -> None:
     """Fly with all nodes in this process; arguments as for `fly_in_processes`.
 

@@ -11,7 +11,6 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ares_guidance.arrays import AIM_SAFE, PHASE_BOOST
 from ares_guidance.floor import lowest_coast
@@ -40,6 +39,12 @@ ASKED_AT_NS = "asked_at_ns"
 
 #: Speed missing at the end of a leg that the next one makes up for, m/s.
 SMALL_SHORTFALL_M_S = 30.0
+#: Fields of an answer that are no lists, and those that are lists of vectors.
+_NUMBERS = ("jettison_time", "cutoff_time", "by_legs")
+_VECTORS = (
+    *("steering_direction", "steering_direction_rate", "primer_rate"),
+    *("sample_position", "sample_velocity", "sample_direction"),
+)
 
 
 class Answers:
@@ -287,32 +292,10 @@ def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
     Raises:
         ValueError: its lists differ in length, or a value is wrong.
     """
-
-    def vectors(values: Any) -> NDArray[np.float64]:
-        return np.reshape(np.asarray(values, dtype=np.float64), (-1, 3))
-
-    def numbers(values: Any) -> NDArray[np.float64]:
-        return np.asarray(values, dtype=np.float64)
-
-    return OfflineTrajectory(
-        jettison_time=answer.jettison_time,
-        cutoff_time=answer.cutoff_time,
-        arc_start_time=numbers(answer.arc_start_time),
-        arc_end_time=numbers(answer.arc_end_time),
-        arc_start_mass=numbers(answer.arc_start_mass),
-        arc_end_mass=numbers(answer.arc_end_mass),
-        arc_delta_v=numbers(answer.arc_delta_v),
-        steering_reference_time=numbers(answer.steering_reference_time),
-        steering_direction=vectors(answer.steering_direction),
-        steering_direction_rate=vectors(answer.steering_direction_rate),
-        primer_rate=vectors(answer.primer_rate),
-        sample_time=numbers(answer.sample_time),
-        sample_position=vectors(answer.sample_position),
-        sample_velocity=vectors(answer.sample_velocity),
-        sample_mass=numbers(answer.sample_mass),
-        sample_direction=vectors(answer.sample_direction),
-        flown_arc=np.asarray(answer.flown_arc, dtype=np.int64),
-        flown_start_time=numbers(answer.flown_start_time),
-        flown_end_time=numbers(answer.flown_end_time),
-        by_legs=answer.by_legs,
-    )
+    columns: dict[str, Any] = {}
+    for name in (item.name for item in fields(OfflineTrajectory)):
+        value = getattr(answer, name)
+        if name not in _NUMBERS:
+            value = np.asarray(value, np.int64 if name == "flown_arc" else np.float64)
+        columns[name] = value.reshape(-1, 3) if name in _VECTORS else value
+    return OfflineTrajectory(**columns)

@@ -454,12 +454,7 @@ _NRLMSIS_KM = np.concatenate(
 
 @cache
 def nrlmsis(
-    epoch: datetime,
-    latitude_deg: float,
-    longitude_deg: float,
-    f107: float,
-    f107a: float,
-    ap: float,
+    epoch: datetime, latitude_deg: float, longitude_deg: float, f107: float, f107a: float, ap: float
 ) -> Atmosphere:
     """Build NRLMSIS 2.1 over one place at one time with fixed indices, 0 to 1000 km, offline.
 

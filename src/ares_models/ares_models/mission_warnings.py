@@ -215,8 +215,7 @@ def _loads(mission: "Mission") -> Iterator[Doubt]:
     payload = mission.payload_kg
     if payload is not None and 0.0 < payload < LEAST_LOAD * whole:
         yield Doubt(
-            ("payload_kg",),
-            f"is {payload:g} kg of {whole:,.6g} kg at the start; is it in kg?",
+            ("payload_kg",), f"is {payload:g} kg of {whole:,.6g} kg at the start; is it in kg?"
         )
     by_item = [stage.dry_mass_kg for stage in mission.stages if stage.dry_mass_kg is not None]
     for k, jettison in enumerate(mission.jettisons):

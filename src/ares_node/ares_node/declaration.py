@@ -21,9 +21,7 @@ from ares_node.parameters import Parameter, ParameterError
 def descriptor(row: Parameter) -> ParameterDescriptor:
     """Build the descriptor for `ros2 param describe`."""
     described = ParameterDescriptor(
-        description=row.text,
-        additional_constraints=row.expected,
-        read_only=row.read_only,
+        description=row.text, additional_constraints=row.expected, read_only=row.read_only
     )
     bounded = row.minimum is not None or row.maximum is not None
     if bounded and type(row.default) is float:

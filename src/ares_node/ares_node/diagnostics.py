@@ -109,11 +109,7 @@ class Diagnostics:
         self._log = node.create_publisher(Log, LOG, LOG_QOS)
 
     def report(
-        self,
-        level: Level,
-        message: str,
-        stamp_ns: int,
-        values: Mapping[str, object] | None = None,
+        self, level: Level, message: str, stamp_ns: int, values: Mapping[str, object] | None = None
     ) -> None:
         """Publish one status.
 

@@ -118,12 +118,7 @@ def _mark(axes: Any, marks: Sequence[Mark]) -> None:
 
 
 def _line(
-    panel: Axes,
-    t: NDArray[np.float64],
-    y: NDArray[np.float64],
-    label: str,
-    *,
-    step: bool = False,
+    panel: Axes, t: NDArray[np.float64], y: NDArray[np.float64], label: str, *, step: bool = False
 ) -> None:
     panel.plot(t, y, color=LINE, linewidth=1.6, drawstyle="steps-post" if step else "default")
     panel.set_title(label, fontsize=9.5, color=INK, loc="left", pad=23)

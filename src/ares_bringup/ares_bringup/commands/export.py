@@ -28,11 +28,7 @@ _AS_GLOBE = {ExportFormat.KML: as_kml, ExportFormat.CZML: as_czml}
 
 
 def export(
-    path: Path,
-    form: ExportFormat,
-    table: ExportTable,
-    out: Path | None,
-    mission: str | None = None,
+    path: Path, form: ExportFormat, table: ExportTable, out: Path | None, mission: str | None = None
 ) -> int:
     """Write a recorded flight in another format, and print the file's path.
 

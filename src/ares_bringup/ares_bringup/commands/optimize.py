@@ -189,9 +189,7 @@ def _note_payload(payload_kg: float, left_kg: float) -> None:
 
 
 def sought(
-    mission_name: str,
-    as_json: bool,
-    seek: Callable[[Mission, Callable[[Progress], None]], Found],
+    mission_name: str, as_json: bool, seek: Callable[[Mission, Callable[[Progress], None]], Found]
 ) -> tuple[Mission, Found]:
     """Load a mission, show its warnings, and seek with a bar; return the mission and what is found.
 

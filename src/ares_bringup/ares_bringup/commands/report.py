@@ -35,17 +35,15 @@ MAX_COMPLAINTS = 100
 #: Label of the last mark on the globe.
 ENDINGS = {Outcome.TARGET: "insertion", Outcome.IMPACT: "impact"}
 
-#: Judged quantities that every state has: name, unit, decimals. Others: `ORBIT_ERRORS`.
-STATE_QUANTITIES = {
+_DECIMALS = {"eccentricity": 7, "argument_of_perigee_deg": 5, "true_anomaly_deg": 5}
+#: Judged quantities: name, unit, decimals.
+QUANTITIES = {
     "radius_m": ("radius", " m", 2),
     "speed_m_s": ("speed", " m/s", 4),
     "flight_path_angle_deg": ("flight-path angle", " deg", 6),
     "inclination_deg": ("inclination", " deg", 6),
     "ascending_node_deg": ("ascending node", " deg", 6),
-}
-_DECIMALS = {"eccentricity": 7, "argument_of_perigee_deg": 5, "true_anomaly_deg": 5}
-QUANTITIES = STATE_QUANTITIES | {
-    key: (name, unit, _DECIMALS.get(key, 1)) for key, (name, unit) in ORBIT_ERRORS.items()
+    **{key: (name, unit, _DECIMALS.get(key, 1)) for key, (name, unit) in ORBIT_ERRORS.items()},
 }
 
 

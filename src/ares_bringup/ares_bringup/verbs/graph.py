@@ -44,9 +44,7 @@ def live(
     follow(page, mission, namespace, domain_id)
 
 
-@app.command(
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-)
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 def node(
     context: typer.Context,
     name: Annotated[

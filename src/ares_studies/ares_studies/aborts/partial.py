@@ -20,11 +20,7 @@ _WIDENING = 4
 
 
 def partly(
-    arrays: MissionArrays,
-    start: NDArray[np.void],
-    failure: Failure,
-    share: float,
-    cutoff_s: float,
+    arrays: MissionArrays, start: NDArray[np.void], failure: Failure, share: float, cutoff_s: float
 ) -> Foreknown | None:
     """Return the mission with a share of a failure; None if its kind has none.
 

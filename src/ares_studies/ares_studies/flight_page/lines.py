@@ -116,9 +116,7 @@ def heating_limit(flight: DrawnFlight) -> Sequence[LevelLine]:
     return () if limit is None else (LevelLine(limit, f"limit, {limit:,.0f} W/m2"),)
 
 
-def in_air(
-    *columns: tuple[str, str, float, int],
-) -> Callable[[DrawnFlight], Sequence[Line]]:
+def in_air(*columns: tuple[str, str, float, int]) -> Callable[[DrawnFlight], Sequence[Line]]:
     """Make lines of the part in the air: name, column of the states, scale and decimals of each."""
 
     def lines(flight: DrawnFlight) -> Sequence[Line]:

@@ -83,10 +83,7 @@ def make_environment(*packages: str) -> Environment:
     """
     loaders = [PackageLoader(name, "") for name in (__package__, *packages)]
     environment = Environment(
-        loader=ChoiceLoader(loaders),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
+        loader=ChoiceLoader(loaders), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     environment.filters["prose"] = prose
     return environment

@@ -7,7 +7,8 @@ from functools import cache
 from ares_studies import flight_page
 from ares_studies.flight_page.globe import Globe
 from ares_studies.flight_page.land import read_land
-from ares_studies.pages.parts import Axis, Figure, Item, Role, Series, Shape
+from ares_studies.pages import parts
+from ares_studies.pages.parts import Axis, Chapter, Figure, Item, Series, item, numbered
 from ares_studies.pages.templates import PALETTES, embedded, make_environment, one_line
 from ares_view.live.story import STATE_FIELDS, STATUS_FIELDS
 
@@ -40,8 +41,8 @@ class LiveLine:
 
     name: str
     field: str
-    role: Role
-    shape: Shape = "line"
+    role: parts.Role
+    shape: parts.Shape = "line"
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,13 @@ class LiveChart:
     axis: Axis
     lines: tuple[LiveLine, ...]
     in_air: bool = False
+
+
+def _of_one_line(
+    title: str, axis: Axis, field: str, *, shape: parts.Shape = "line", in_air: bool = False
+) -> LiveChart:
+    """Make a chart of one line, named as its axis."""
+    return LiveChart(title, axis, (LiveLine(axis.label, field, "here", shape),), in_air)
 
 
 GAUGES = (
@@ -72,7 +80,7 @@ GAUGES = (
 )
 
 CHARTS = (
-    LiveChart("Altitude", Axis("altitude", "km"), (LiveLine("altitude", "altitude_km", "here"),)),
+    _of_one_line("Altitude", Axis("altitude", "km"), "altitude_km"),
     LiveChart(
         "Speed",
         Axis("speed", "m/s"),
@@ -89,39 +97,14 @@ CHARTS = (
             LiveLine("flight-path angle", "flight_path_angle_deg", "other"),
         ),
     ),
-    LiveChart(
-        "Dynamic pressure",
-        Axis("dynamic pressure", "kPa"),
-        (LiveLine("dynamic pressure", "dynamic_pressure_kpa", "here"),),
-        in_air=True,
+    _of_one_line(
+        "Dynamic pressure", Axis("dynamic pressure", "kPa"), "dynamic_pressure_kpa", in_air=True
     ),
-    LiveChart(
-        "Mach number",
-        Axis("Mach number", ""),
-        (LiveLine("Mach number", "mach", "here"),),
-        in_air=True,
-    ),
-    LiveChart(
-        "Q alpha",
-        Axis("q alpha", "kPa rad"),
-        (LiveLine("q alpha", "q_alpha_kpa_rad", "here"),),
-        in_air=True,
-    ),
-    LiveChart(
-        "Acceleration",
-        Axis("acceleration", "m/s²"),
-        (LiveLine("acceleration", "acceleration_m_s2", "here"),),
-    ),
-    LiveChart(
-        "Heating",
-        Axis("heating rate", "W/m²", log=True),
-        (LiveLine("heating rate", "heating_w_m2", "here"),),
-    ),
-    LiveChart(
-        "Predicted cut-off",
-        Axis("predicted cut-off", "s"),
-        (LiveLine("predicted cut-off", "cutoff_s", "here", "step"),),
-    ),
+    _of_one_line("Mach number", Axis("Mach number", ""), "mach", in_air=True),
+    _of_one_line("Q alpha", Axis("q alpha", "kPa rad"), "q_alpha_kpa_rad", in_air=True),
+    _of_one_line("Acceleration", Axis("acceleration", "m/s²"), "acceleration_m_s2"),
+    _of_one_line("Heating", Axis("heating rate", "W/m²", log=True), "heating_w_m2"),
+    _of_one_line("Predicted cut-off", Axis("predicted cut-off", "s"), "cutoff_s", shape="step"),
 )
 TIME = Axis("mission elapsed time", "s", span=(0.0, 1.0))
 #: Real-time factors with a button, and its text; 0: as fast as possible.
@@ -130,21 +113,11 @@ PACES = ((1, "1"), (5, "5"), (10, "10"), (50, "50"), (0, "max"))
 
 def _items() -> tuple[Item, ...]:
     """Return the charts without data."""
-    return tuple(
-        Item(
-            f"figure-{k + 1}",
-            "figure",
-            f"Figure {k + 1}",
-            chart.title,
-            "",
-            Figure(
-                TIME,
-                chart.axis,
-                tuple(Series(one.name, one.role, one.shape, (), ()) for one in chart.lines),
-            ),
-        )
-        for k, chart in enumerate(CHARTS)
-    )
+    items = []
+    for chart in CHARTS:
+        series = tuple(Series(one.name, one.role, one.shape, (), ()) for one in chart.lines)
+        items.append(item(chart.title, Figure(TIME, chart.axis, series)))
+    return numbered([Chapter(1, "", "", tuple(items))])[0].items
 
 
 @cache
@@ -156,8 +129,8 @@ def render(query: str) -> str:
     """
     items = _items()
     figures = [
-        {**asdict(item), "fields": [one.field for one in chart.lines], "in_air": chart.in_air}
-        for item, chart in zip(items, CHARTS, strict=True)
+        {**asdict(figure), "fields": [one.field for one in chart.lines], "in_air": chart.in_air}
+        for figure, chart in zip(items, CHARTS, strict=True)
     ]
     data = {
         "chapters": [{"items": figures}],

@@ -281,11 +281,7 @@ class Story:
         for values in attitude_of(shown):
             values[truth["sequence"] == 0] = math.nan
         falls = impact_track(
-            truth["time"],
-            truth["position"],
-            truth["velocity"],
-            self._environment,
-            earth,
+            truth["time"], truth["position"], truth["velocity"], self._environment, earth
         )
         found = {field: getattr(shown, name) * factor for field, name, factor, _ in _STATES}
         if self._air:
