@@ -394,8 +394,8 @@ _NOT_THE_BLOCK = (
 )
 
 _EXPECTED: dict[str, str] = {
-    "float_type": "a number",
-    "finite_number": "a finite number",
+    "float_type": "a number{unit}",
+    "finite_number": "a finite number{unit}",
     "string_type": "text",
     "string_too_short": "text that is not empty",
     "string_pattern_mismatch": "a name of small letters, digits and underscores",
@@ -403,6 +403,11 @@ _EXPECTED: dict[str, str] = {
     "model_attributes_type": "a mapping",
     "dict_type": "a mapping",
     "tuple_type": "a list",
+    "out_of_range": "{noun} from {low} to {high}{unit}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+    "string_too_long": "text of at most {max_length} characters",
+    "literal_error": "one of {expected}",
 }
 
 
@@ -418,18 +423,8 @@ def unit_of(key: str | int) -> str:
 def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -> str:
     names = [part for part in path if isinstance(part, str)]
     unit = unit_of(names[-1]) if names else ""
-    if kind == "out_of_range":
-        return f"{context['noun']} from {context['low']} to {context['high']}{unit}"
-    if kind == "too_short":
-        return f"a list of at least {context['min_length']}"
-    if kind == "too_long":
-        return f"a list of at most {context['max_length']}"
-    if kind == "string_too_long":
-        return f"text of at most {context['max_length']} characters"
-    if kind == "literal_error":
-        return f"one of {context['expected']}"
     if kind in _EXPECTED:
-        return _EXPECTED[kind] + (unit if kind in ("float_type", "finite_number") else "")
+        return _EXPECTED[kind].format(**context, unit=unit)
     return message.replace("Input should be ", "")
 
 

@@ -50,11 +50,8 @@ def check_areas(mission: "Mission") -> None:
     if mission.abort is None or not mission.abort.avoid:
         return
     if mission.zero_longitude_deg is None:
-        fail(
-            ("environment", "earth", "zero_longitude_deg"),
-            None,
-            "a number, because abort.avoid names places",
-        )
+        key = ("environment", "earth", "zero_longitude_deg")
+        fail(key, None, "a number, because abort.avoid names places")
     names = mission.area_names
     for k, area in enumerate(mission.abort.avoid):
         path = ("abort", "avoid", k)
@@ -75,30 +72,20 @@ def _check_polygon(
     following = np.roll(corners, -1, axis=0)
     for k, (one, other) in enumerate(zip(corners, following, strict=True)):
         if _between(one, other) < math.radians(LEAST_EDGE_DEG):
-            fail(
-                (*path, (k + 1) % len(vertices)),
-                list(vertices[(k + 1) % len(vertices)]),
-                f"a corner at least {LEAST_EDGE_DEG:g} deg from the one before it; the polygon "
-                "closes by itself",
-            )
+            second = (k + 1) % len(vertices)
+            apart = f"a corner at least {LEAST_EDGE_DEG:g} deg from the one before it"
+            fail((*path, second), vertices[second], f"{apart}; the polygon closes by itself")
     middle = _middle(corners)
     away = corners @ middle
     if not away.min() > math.cos(math.radians(MOST_ACROSS_DEG)):
-        fail(
-            path,
-            [list(corner) for corner in vertices],
-            f"corners within {MOST_ACROSS_DEG:g} deg of their middle",
-        )
+        fail(path, vertices, f"corners within {MOST_ACROSS_DEG:g} deg of their middle")
     # gnomonic projection to the tangent plane at the middle: great circles become straight lines
     flat = (corners / away[:, None]) @ _plane(middle).T
     crossing = _crossing(flat)
     if crossing is not None:
         one, other = crossing
-        fail(
-            (*path, other),
-            list(vertices[other]),
-            f"a corner whose edge does not cross that of corner {one}",
-        )
+        expected = f"a corner whose edge does not cross that of corner {one}"
+        fail((*path, other), vertices[other], expected)
 
 
 def _crossing(flat: Array) -> tuple[int, int] | None:

@@ -82,26 +82,17 @@ def check_masses(mission: "Mission") -> None:
         own = mission.jettison_mass(i)
         aboard = sum(mission.jettison_mass(k) for k in range(i, len(stages)))
         if aboard >= whole:
-            fail(
-                ("stages", i, "ignition_mass_kg"),
-                whole,
-                f"more than the {aboard:,.6g} kg of jettisons that it contains",
-            )
+            expected = f"more than the {aboard:,.6g} kg of jettisons that it contains"
+            fail(("stages", i, "ignition_mass_kg"), whole, expected)
         after = mission.ignition_mass(i + 1) if i + 1 < len(stages) else 0.0
         room = whole - own - after - stage.booster_propellant_kg
         slack = _MASS_ROUNDING * whole
         if after and room <= 0.0:
-            fail(
-                ("stages", i + 1, "ignition_mass_kg"),
-                after,
-                f"less than the {whole - own:,.9g} kg of stage {stage.name} without its jettisons",
-            )
+            below = f"{whole - own:,.9g} kg of stage {stage.name} without its jettisons"
+            fail(("stages", i + 1, "ignition_mass_kg"), after, f"less than the {below}")
         if stage.propellant_kg is not None and stage.propellant_kg >= room + slack:
-            fail(
-                ("stages", i, "propellant_kg"),
-                stage.propellant_kg,
-                f"at most the {room:,.9g} kg that the stage can lose",
-            )
+            expected = f"at most the {room:,.9g} kg that the stage can lose"
+            fail(("stages", i, "propellant_kg"), stage.propellant_kg, expected)
         used = mission.fixed_propellant(i) - stage.booster_propellant_kg
         usable = room if stage.propellant_kg is None else stage.propellant_kg
         rounded = 0.0 if stage.propellant_kg is None else PROPELLANT_ROUNDING * usable

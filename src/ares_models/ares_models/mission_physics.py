@@ -44,18 +44,12 @@ def check_body(mission: "Mission") -> None:
         fail((*path, "polar_radius_m"), earth.polar_radius_m, f"at least {least:,.0f} m")
     gravity = mu / earth.equatorial_radius_m**2
     if not SURFACE_GRAVITY.low <= gravity <= SURFACE_GRAVITY.high:
-        fail(
-            ("environment", "mu_m3_s2"),
-            mu,
-            f"a gravity on the equator of {SURFACE_GRAVITY} m/s2; it is {gravity:.3g} m/s2",
-        )
+        expected = f"a gravity on the equator of {SURFACE_GRAVITY} m/s2; it is {gravity:.3g} m/s2"
+        fail(("environment", "mu_m3_s2"), mu, expected)
     fastest = math.sqrt(gravity / earth.equatorial_radius_m)
     if earth.rotation_rate_rad_s >= fastest:
-        fail(
-            (*path, "rotation_rate_rad_s"),
-            earth.rotation_rate_rad_s,
-            f"less than {fastest:.3g} rad/s, at which the equator would be in orbit",
-        )
+        expected = f"less than {fastest:.3g} rad/s, at which the equator would be in orbit"
+        fail((*path, "rotation_rate_rad_s"), earth.rotation_rate_rad_s, expected)
 
 
 def check_engines(mission: "Mission") -> None:
@@ -81,11 +75,8 @@ def check_engines(mission: "Mission") -> None:
     last = mission.stages[-1]
     most = (1.0 - LEAST_DRY_SHARE) * mission.ignition_mass(len(mission.stages) - 1)
     if last.propellant_kg is not None and last.propellant_kg > most:
-        fail(
-            ("stages", len(mission.stages) - 1, "propellant_kg"),
-            last.propellant_kg,
-            f"at most {most:.9g} kg of the last stage",
-        )
+        path = ("stages", len(mission.stages) - 1, "propellant_kg")
+        fail(path, last.propellant_kg, f"at most {most:.9g} kg of the last stage")
 
 
 def check_lift_off(mission: "Mission") -> None:
@@ -185,11 +176,8 @@ def _longest_free_burn(
     # depletion during the start: the burn never reaches full thrust
     started = 0.0 if burn.start is None else burn.start[-1][0]
     if burn.start is not None and full_thrust + burn.start_loss_s < started + MIN_TIME_S:
-        fail(
-            (*path, "start"),
-            list(burn.start),
-            f"a start that is over before the {max(left, 0.0):,.6g} kg of propellant are gone",
-        )
+        gone = f"the {max(left, 0.0):,.6g} kg of propellant are gone"
+        fail((*path, "start"), burn.start, f"a start that is over before {gone}")
     length = full_thrust + burn.start_loss_s + burn.tail_s
     if begin + length > MAX_FLIGHT_S:
         least = left * burn.exhaust_velocity(g0) / (MAX_FLIGHT_S - begin - length + full_thrust)

@@ -327,8 +327,5 @@ def check_initial_state(mission: "Mission") -> None:
         )
     momentum = float(np.linalg.norm(np.cross(start.position, start.velocity)))
     if not momentum > 0.0:
-        fail(
-            ("initial_state",),
-            start.velocity.tolist(),
-            "a velocity that is not straight up, so that it spans a plane",
-        )
+        expected = "a velocity that is not straight up, so that it spans a plane"
+        fail(("initial_state",), start.velocity.tolist(), expected)

@@ -116,11 +116,8 @@ class TargetState(_TargetPlane):
             fail(("target", "radius_m"), self.radius_m, expected)
         escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / self.radius_m)
         if not 0.1 * escape <= self.speed_m_s < escape:
-            fail(
-                ("target", "speed_m_s"),
-                self.speed_m_s,
-                f"between {0.1 * escape:,.0f} and {escape:,.0f} m/s (escape) at this radius",
-            )
+            expected = f"between {0.1 * escape:,.0f} and {escape:,.0f} m/s (escape) at this radius"
+            fail(("target", "speed_m_s"), self.speed_m_s, expected)
 
     def write(self, record: NDArray[np.void], mission: "Mission") -> None:
         """Write a record TARGET, except its plane."""

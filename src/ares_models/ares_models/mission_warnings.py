@@ -173,10 +173,8 @@ def _wind(mission: "Mission") -> Iterator[Doubt]:
     """Tell of a wind by altitudes that are probably in km."""
     knots = mission.environment.atmosphere.wind_table or ()
     if len(knots) > 1 and knots[-1][0] < LEAST_WIND_TOP:
-        yield Doubt(
-            ("environment", "atmosphere", "wind_table"),
-            f"ends at {knots[-1][0]:g} m; are its altitudes in m?",
-        )
+        text = f"ends at {knots[-1][0]:g} m; are its altitudes in m?"
+        yield Doubt(("environment", "atmosphere", "wind_table"), text)
 
 
 def _density(mission: "Mission", altitude: float) -> float:
@@ -201,10 +199,8 @@ def _start(mission: "Mission") -> Iterator[Doubt]:
     pressure = 0.5 * _density(mission, altitude) * float(relative @ relative)
     dragless = "" if mission.aerodynamics else " There is no drag here"
     if pressure > MOST_PRESSURE:
-        yield Doubt(
-            ("initial_state", form.PLACE),
-            f"makes a dynamic pressure of {pressure:,.0f} Pa; is it in m?{dragless}",
-        )
+        text = f"makes a dynamic pressure of {pressure:,.0f} Pa; is it in m?{dragless}"
+        yield Doubt(("initial_state", form.PLACE), text)
     if speed < SLOWEST and altitude > SLOWEST_FROM:
         yield Doubt(("initial_state", form.MOTION), f"makes {speed:.3g} m/s; is it in m/s?")
 
@@ -214,9 +210,8 @@ def _loads(mission: "Mission") -> Iterator[Doubt]:
     whole = mission.ignition_mass(0)
     payload = mission.payload_kg
     if payload is not None and 0.0 < payload < LEAST_LOAD * whole:
-        yield Doubt(
-            ("payload_kg",), f"is {payload:g} kg of {whole:,.6g} kg at the start; is it in kg?"
-        )
+        text = f"is {payload:g} kg of {whole:,.6g} kg at the start; is it in kg?"
+        yield Doubt(("payload_kg",), text)
     by_item = [stage.dry_mass_kg for stage in mission.stages if stage.dry_mass_kg is not None]
     for k, jettison in enumerate(mission.jettisons):
         path, mass = ("jettisons", k, "mass_kg"), jettison.mass_kg
@@ -273,49 +268,41 @@ def _no_isp(exhaust: float, g0: float) -> str:
 def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
     stage, g0 = mission.stages[i], mission.environment.g0_m_s2
     mass = mission.ignition_mass(i)
-    for k, burn in enumerate(stage.flight_arcs):
-        path = ("stages", i)
+    for place in mission.walk:
+        burn = place.arc
+        if place.i != i:
+            continue
         if not isinstance(burn, BurnArc):
-            yield from _floors(mission, (*path, *stage.arc_path(k)), burn)
+            yield from _floors(mission, place.path(), burn)
             orbit = parking_orbit(burn)
             if orbit is not None:
-                yield from _orbit(mission, (*path, *stage.arc_path(k)), orbit)
+                yield from _orbit(mission, place.path(), orbit)
             continue
         acceleration = burn.full_thrust_n / mass
         exhaust = burn.exhaust_velocity(g0)
         chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
         if not chemical and acceleration > CHEMICAL_ACCELERATION:
-            yield Doubt((*path, *stage.arc_path(k, burn.flow_key)), _no_isp(exhaust, g0))
+            yield Doubt(place.path(burn.flow_key), _no_isp(exhaust, g0))
         if acceleration > FIERCEST:
-            yield Doubt(
-                (*path, *stage.arc_path(k, burn.thrust_key)),
-                f"makes {acceleration:,.0f} m/s2 at ignition; is it in N, the mass in kg?",
-            )
+            text = f"makes {acceleration:,.0f} m/s2 at ignition; is it in N, the mass in kg?"
+            yield Doubt(place.path(burn.thrust_key), text)
         most = burn.max_acceleration_m_s2
         if most is not None and most < min(acceleration, g0):
-            yield Doubt(
-                (*path, *stage.arc_path(k, "max_acceleration_m_s2")),
-                f"is {most:g} m/s2, at ignition there are {acceleration:.3g}; is it in m/s2?",
-            )
+            text = f"is {most:g} m/s2, at ignition there are {acceleration:.3g}; is it in m/s2?"
+            yield Doubt(place.path("max_acceleration_m_s2"), text)
         burning = mission.propellant(i) / burn.mass_flow(g0)
         if chemical and burn.free and burning > LONGEST_BURN:
-            yield Doubt(
-                (*path, *stage.arc_path(k, burn.thrust_key)),
-                f"burns the stage's propellant in {burning / 86_400.0:,.1f} days; is it in N?",
-            )
+            text = f"burns the stage's propellant in {burning / 86_400.0:,.1f} days; is it in N?"
+            yield Doubt(place.path(burn.thrust_key), text)
     dry, propellant = stage.dry_mass_kg, stage.propellant_kg
     used = mission.fixed_propellant(i)
     fixed = not any(burn.free for burn in stage.burns)
     if propellant is not None and fixed and used < LEAST_USED * propellant:
-        yield Doubt(
-            ("stages", i, "propellant_kg"),
-            f"is {propellant:,.6g} kg, its burns take {used:,.4g} kg; is the thrust in N?",
-        )
+        text = f"is {propellant:,.6g} kg, its burns take {used:,.4g} kg; is the thrust in N?"
+        yield Doubt(("stages", i, "propellant_kg"), text)
     if dry is not None and propellant is not None and dry < LEAST_STRUCTURE * propellant:
-        yield Doubt(
-            ("stages", i, "dry_mass_kg"),
-            f"is {dry:g} kg for {propellant:,g} kg of propellant; is it in kg?",
-        )
+        text = f"is {dry:g} kg for {propellant:,g} kg of propellant; is it in kg?"
+        yield Doubt(("stages", i, "dry_mass_kg"), text)
 
 
 def _floors(mission: "Mission", path: KeyPath, coast: CoastArc) -> Iterator[Doubt]:
@@ -372,10 +359,8 @@ def _plane(mission: "Mission") -> Iterator[Doubt]:
             key, angle = target.node_key or "rla_deg", turned
     asked, plane = target.inclination_deg, math.degrees(before.inclination)
     if asked is not None and abs(math.degrees(asked) - plane) < SAME_PLANE_DEG < abs(asked - plane):
-        yield Doubt(
-            ("target", "inclination_deg"),
-            f"is {asked:g} deg, that of the initial state {plane:.3f} deg; is it in degrees?",
-        )
+        text = f"is {asked:g} deg, that of the initial state {plane:.3f} deg; is it in degrees?"
+        yield Doubt(("target", "inclination_deg"), text)
         return
     if math.degrees(angle) > LARGEST_PLANE_CHANGE_DEG:
         yield Doubt(

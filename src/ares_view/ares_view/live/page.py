@@ -59,7 +59,7 @@ def _of_one_line(
     title: str, axis: Axis, field: str, *, shape: parts.Shape = "line", in_air: bool = False
 ) -> LiveChart:
     """Make a chart of one line, named as its axis."""
-    return LiveChart(title, axis, (LiveLine(axis.label, field, "here", shape),), in_air)
+    return LiveChart(title, axis, (LiveLine(axis.title, field, "here", shape),), in_air)
 
 
 GAUGES = (
