@@ -117,11 +117,7 @@ PARAMETERS = (
         maximum=3600.0,
     ),
 ) + tuple(
-    Parameter(
-        item.name,
-        item.default,
-        **item.metadata,
-    )
+    Parameter(item.name, item.default, **item.metadata)
     for item in fields(LawSettings)
     if item.metadata
 )
@@ -434,9 +430,8 @@ class GuidanceNode(FlightNode):
             if sequence > 0:
                 self._pass_over(now)
                 return
-            self.diagnostics.report(
-                Level.WARN, "the flight begins again: starting again from nothing", now
-            )
+            text = "the flight begins again: starting again from nothing"
+            self.diagnostics.report(Level.WARN, text, now)
             self._forget()
         answers = self._answers
         answers.identity = (self._membership.flight_id, self._membership.member_id)
@@ -460,21 +455,16 @@ class GuidanceNode(FlightNode):
         """Count a late state, which arrived after a newer one, and do not answer it."""
         self._late += 1
         if is_worth_reporting(self._late):
-            self.diagnostics.report(
-                Level.WARN,
-                "navigation state older than one before it: not answered",
-                now,
-                {"late": self._late},
-            )
+            text = "navigation state older than one before it: not answered"
+            self.diagnostics.report(Level.WARN, text, now, {"late": self._late})
 
     def _report_navigation(self, now: int) -> None:
         """Report the first refusal of navigation, and its recovery after one good cycle."""
         watch = self._law.state["navigation"]
         if int(watch["acquired"]) != self._acquired:
             self._acquired = int(watch["acquired"])
-            self.diagnostics.report(
-                Level.WARN, "navigation acquired anew: it agrees with itself, not the past", now
-            )
+            text = "navigation acquired anew: it agrees with itself, not the past"
+            self.diagnostics.report(Level.WARN, text, now)
         refused = int(watch["refused"])
         if refused > self._refused:
             if self._refused_before is None:
@@ -536,11 +526,8 @@ class GuidanceNode(FlightNode):
         if without != self._without_jettison:
             self._without_jettison = without
             if without:
-                self.diagnostics.report(
-                    Level.WARN,
-                    "the heating limit is not met before cut-off: planning without the jettison",
-                    now,
-                )
+                text = "the heating limit is not met before cut-off: planning without the jettison"
+                self.diagnostics.report(Level.WARN, text, now)
 
     def _report_error(self, now: int) -> None:
         """Report each new error of a cycle, and the first cycle without one."""
@@ -550,10 +537,8 @@ class GuidanceNode(FlightNode):
             if error == GuidanceStatus.NONE:
                 self.diagnostics.report(Level.OK, "solution good again", now)
             else:
-                stale = int(self._law.state["stale_cycles"])
-                self.diagnostics.report(
-                    Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
-                )
+                stale = {"stale_cycles": int(self._law.state["stale_cycles"])}
+                self.diagnostics.report(Level.WARN, ERROR_TEXTS[error], now, stale)
 
     def _report_failures(self, now: int) -> None:
         state = self._law.state

@@ -139,14 +139,15 @@ class ArcPlan:
             record["length"][0, k] = length
             if ends[k]:
                 self._write_leg_end(record["target"][0, k], int(k), arrays)
-        for index, directions in self.directions.items():
-            record["direction"][0, index] = directions
-        for index, position in self.positions.items():
-            record["position"][0, index] = position
         record["primer"] = math.nan
-        for index, primer in self.primers.items():
-            record["primer"][0, index] = primer
-            record["ignition"][0, index] = self.ignitions[index]
+        for name, known in (
+            ("direction", self.directions),
+            ("position", self.positions),
+            ("primer", self.primers),
+            ("ignition", self.ignitions),
+        ):
+            for index, value in known.items():
+                record[name][0, index] = value
         record["jettison_time"] = self.jettison_time_s
         return record
 
@@ -163,10 +164,8 @@ class ArcPlan:
         """
         end = self._end(k)
         target["kind"] = layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
-        target["radius"] = end.radius
-        target["speed"] = end.speed
-        target["flight_path_angle"] = end.flight_path_angle
-        target["inclination"] = end.inclination
+        for name in ("radius", "speed", "flight_path_angle", "inclination"):
+            target[name] = getattr(end, name)
         # undefined for an equatorial plane: any node will do
         target["ascending_node"] = np.nan_to_num(end.ascending_node)
         if self.by_legs and names_perigee_direction(arrays.target[0]):
@@ -241,9 +240,8 @@ class ArcPlan:
         if orbit is None or not least < orbit.eccentricity < 1.0:
             return
         target["kind"] = layout.TARGET_KEPLERIAN
-        target["semi_major_axis"] = orbit.semi_major_axis
-        target["eccentricity"] = orbit.eccentricity
-        target["argument_of_perigee"] = orbit.argument_of_perigee
+        for name in ("semi_major_axis", "eccentricity", "argument_of_perigee"):
+            target[name] = getattr(orbit, name)
 
     def _end(self, k: int) -> Insertion:
         """Return the state at the end of burn ``k``.

@@ -34,11 +34,8 @@ def check_curve(
         if now < before:
             fail((key, k), list(curve[k]), f"a time of at least {before} s, as before it")
         if before < now < before + allowed.MIN_TIME_S:
-            fail(
-                (key, k),
-                list(curve[k]),
-                f"the time of the knot before it, or {allowed.MIN_TIME_S} s on",
-            )
+            expected = f"the time of the knot before it, or {allowed.MIN_TIME_S} s on"
+            fail((key, k), list(curve[k]), expected)
     if end is not None and curve[-1][1] != end:
         fail((key, len(curve) - 1), list(curve[-1]), f"a last thrust fraction of {end:g}")
     if not curve[-1][0] > 0.0:

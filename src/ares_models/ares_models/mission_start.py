@@ -295,11 +295,9 @@ def check_initial_state(mission: "Mission") -> None:
     """
     form = mission.initial_state
     if form.ON_GROUND and mission.zero_longitude_deg is None:
-        fail(
-            ("environment", "earth", "zero_longitude_deg"),
-            None,
-            "a number, or an epoch on the Earth, because initial_state is relative to the ground",
-        )
+        expected = "a number, or an epoch on the Earth"
+        path = ("environment", "earth", "zero_longitude_deg")
+        fail(path, None, f"{expected}, because initial_state is relative to the ground")
     start = mission.start()
     earth = mission.earth()
     radius = math.hypot(*start.position)

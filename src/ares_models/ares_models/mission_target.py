@@ -271,11 +271,9 @@ class TargetOrbit(_TargetPlane):
         assert self.dla_deg is not None
         tilt = min(self.inclination_deg, 180.0 - self.inclination_deg)
         if tilt <= abs(self.dla_deg):
-            fail(
-                ("inclination_deg",),
-                self.inclination_deg,
-                f"more than dla_deg, {abs(self.dla_deg):g} deg, from either side of the equator",
-            )
+            least = f"more than dla_deg, {abs(self.dla_deg):g} deg"
+            expected = f"{least}, from either side of the equator"
+            fail(("inclination_deg",), self.inclination_deg, expected)
 
     def _check_latitude(self) -> None:
         """Report an argument of latitude without exactly one angle to complete it."""

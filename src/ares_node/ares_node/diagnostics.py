@@ -86,6 +86,11 @@ def of_another_flight(status: DiagnosticStatus, flight_id: int) -> bool:
     )
 
 
+def facts(values: Mapping[str, object]) -> list[KeyValue]:
+    """Return the facts of a message; each value is written with str()."""
+    return [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+
+
 class Diagnostics:
     """Publish a node's reports; each report is an array with one status.
 
@@ -124,7 +129,7 @@ class Diagnostics:
             name=self._name,
             hardware_id=hardware_id(self._flight_id()),
             message=folded(message),
-            values=[KeyValue(key=key, value=str(value)) for key, value in (values or {}).items()],
+            values=facts(values or {}),
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = stamp_from_ns(stamp_ns)
@@ -187,8 +192,4 @@ def timing(node: Node, flight_id: int, values: Mapping[str, object]) -> Diagnost
         flight_id: of the node.
         values: facts; each is written with str().
     """
-    return Timing(
-        name=node.get_name(),
-        hardware_id=hardware_id(flight_id),
-        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-    )
+    return Timing(name=node.get_name(), hardware_id=hardware_id(flight_id), values=facts(values))

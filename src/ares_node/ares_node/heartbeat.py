@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
-from ares_node.diagnostics import hardware_id
+from ares_node.diagnostics import facts, hardware_id
 from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS
 
 #: Period of the heartbeat, wall time, s.
@@ -80,7 +80,7 @@ class Heartbeat:
             name=self._name,
             message=said["state"],
             hardware_id=hardware_id(self._flight_id()) or NO_HARDWARE,
-            values=[KeyValue(key=key, value=value) for key, value in said.items()],
+            values=facts(said),
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._wall.now().to_msg()

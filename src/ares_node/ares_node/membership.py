@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
+from operator import attrgetter
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -63,19 +64,10 @@ OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
 #: States in which a guidance has agreed to a flight.
 AGREED = (State.READY, State.PLANNING)
 
-
-def _content(announcement: FlightMember) -> tuple[object, ...]:
-    """Return the content of an announcement, to compare it with others."""
-    return (
-        announcement.words,
-        announcement.state,
-        announcement.flight_id,
-        announcement.guidance_id,
-        announcement.last_sequence,
-        announcement.reason,
-        announcement.mission,
-        announcement.role,
-    )
+#: Returns the content of an announcement, to compare it with others.
+_content = attrgetter(
+    *("words", "state", "flight_id", "guidance_id", "last_sequence", "reason", "mission", "role")
+)
 
 
 def _mission_digest(member: FlightMember) -> str:

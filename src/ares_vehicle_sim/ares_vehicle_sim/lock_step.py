@@ -383,10 +383,8 @@ class LockStep:
             self._lose_link("guidance has left")
             return
         self.link.lost_in_a_row += 1
-        self.report(
-            Level.WARN,
-            f"no answer within {self.link.patience_s:g} s; flying on with the last good command",
-        )
+        text = f"no answer within {self.link.patience_s:g} s; flying on with the last good command"
+        self.report(Level.WARN, text)
         self.note_loss()
         if self.link.lost_in_a_row == LINK_LOST_AFTER:
             self._lose_link(f"{LINK_LOST_AFTER} answers lost in a row")

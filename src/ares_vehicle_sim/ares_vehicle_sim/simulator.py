@@ -30,14 +30,8 @@ PASSED = 1.05
 #: most 1.05 in standard dispersed flights with a state each second.
 MOST_HEATING = 2.0
 
-FAILURE_CODES = {
-    FailureKind.ENGINE_OUT: layout.ENGINE_OUT,
-    FailureKind.THRUST_LOW: layout.THRUST_LOW,
-    FailureKind.EARLY_SHUTDOWN: layout.EARLY_SHUTDOWN,
-    FailureKind.FAILED_IGNITION: layout.FAILED_IGNITION,
-    FailureKind.STUCK_THROTTLE: layout.STUCK_THROTTLE,
-    FailureKind.STUCK_JETTISON: layout.STUCK_JETTISON,
-}
+#: Codes of the kernels for the kinds of failure, which have the same names there.
+FAILURE_CODES: dict[FailureKind, int] = {kind: getattr(layout, kind.name) for kind in FailureKind}
 FAILURE_KINDS = {code: kind for kind, code in FAILURE_CODES.items()}
 
 #: Largest time, s, and rate, 1/s, of a command: beyond any flight, without overflow.
