@@ -26,7 +26,7 @@ from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, is_worth_repo
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
-from ares_node.parameters import Parameter
+from ares_node.parameters import MISSION, Parameter
 from ares_node.time import NANOSECONDS
 
 ERROR_TEXTS = {
@@ -59,12 +59,7 @@ MONITOR_TEXTS = {
 }
 
 PARAMETERS = (
-    Parameter(
-        "mission",
-        "ares_v",
-        "Shipped mission's name, or path of a mission file.",
-        option="mission",
-    ),
+    MISSION,
     Parameter(
         "law",
         "peg",

@@ -70,11 +70,7 @@ class LawSettings:
         1, "Law peg_thesis: iterations in one cycle, in place of max_iterations.", "", 1, 10_000
     )
     settled_below_m_s: float = _setting(
-        10.0,
-        "Law peg_thesis: in place of velocity_to_go_tolerance_m_s.",
-        "m/s",
-        1e-9,
-        100.0,
+        10.0, "Law peg_thesis: in place of velocity_to_go_tolerance_m_s.", "m/s", 1e-9, 100.0
     )
     steering_jump_limit_deg: float = _setting(
         10.0, "A solution that turns the thrust by more is refused.", "deg", 0.0, 180.0

@@ -280,9 +280,7 @@ InitialState = Annotated[
     | Annotated[StateOverGround, Tag("<over ground>")]
     | Annotated[StateEarthFixed, Tag("<earth-fixed>")],
     Discriminator(
-        by_keys(FORMS, None),
-        custom_error_type="expected",
-        custom_error_message=EXPECTED_START,
+        by_keys(FORMS, None), custom_error_type="expected", custom_error_message=EXPECTED_START
     ),
 ]
 

@@ -112,3 +112,9 @@ class Parameter:
             with suppress(ValueError):
                 value = kind(text)
         return self.checked(value)
+
+
+#: Row of the nodes that fly by a mission.
+MISSION = Parameter(
+    "mission", "ares_v", "Shipped mission's name, or path of a mission file.", option="mission"
+)

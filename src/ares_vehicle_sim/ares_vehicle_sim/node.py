@@ -22,7 +22,7 @@ from ares_node.diagnostics import Level
 from ares_node.identity import MISSION_DIGEST, new_id
 from ares_node.membership import FLIGHT_ID, Membership, Role
 from ares_node.node import FlightNode, NodeError
-from ares_node.parameters import Parameter
+from ares_node.parameters import MISSION, Parameter
 from ares_node.time import NANOSECONDS
 from ares_vehicle_sim.dispersions import Dispersions, read_dispersions
 from ares_vehicle_sim.lock_step import LockStep
@@ -37,12 +37,7 @@ ACKNOWLEDGE_TIMEOUT = 3.0
 REPORT_PERIOD = 10.0
 
 PARAMETERS = (
-    Parameter(
-        "mission",
-        "ares_v",
-        "Shipped mission's name, or path of a mission file.",
-        option="mission",
-    ),
+    MISSION,
     Parameter(
         "navigation_period_s",
         0.1,

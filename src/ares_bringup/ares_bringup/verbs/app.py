@@ -86,8 +86,7 @@ LivePort = Annotated[
 NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")]
 Namespace = Annotated[str, typer.Option(help="Namespace of all nodes and topics.")]
 FilesArgument = Annotated[
-    list[str] | None,
-    typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
+    list[str] | None, typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only.")
 ]
 SchemaOut = Annotated[
     Path | None, typer.Option(help="Write it to this file, which must not exist.")

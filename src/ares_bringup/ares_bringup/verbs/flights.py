@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 PACE_TO_WATCH = 10.0
 
 NewBag = Annotated[
-    Path | None,
-    typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
+    Path | None, typer.Option(help="Folder of the bag, which must not exist; default: a new name.")
 ]
 CampaignFlight = Annotated[
     int | None,
@@ -72,8 +71,7 @@ def fly(
         bool, typer.Option("--in-process", help="All nodes in one process.")
     ] = False,
     sealed: Annotated[
-        bool,
-        typer.Option("--sealed", help="Draw a key: nodes refuse messages without its proof."),
+        bool, typer.Option("--sealed", help="Draw a key: nodes refuse messages without its proof.")
     ] = False,
     as_json: shared.TablesOrJson = False,
     bag: NewBag = None,

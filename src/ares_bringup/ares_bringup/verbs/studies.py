@@ -58,10 +58,7 @@ Beside = Annotated[
 OnlyFlights = Annotated[
     list[int] | None,
     typer.Option(
-        min=0,
-        max=MAX_FLIGHTS - 1,
-        metavar="K",
-        help="Fly this flight alone; may be given again.",
+        min=0, max=MAX_FLIGHTS - 1, metavar="K", help="Fly this flight alone; may be given again."
     ),
 ]
 SuccessWidth = Annotated[

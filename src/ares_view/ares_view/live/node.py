@@ -65,14 +65,10 @@ LAWS = {
 PARAMETERS = (
     FLIGHT_ID,
     Parameter(
-        "mission",
-        "",
-        "Mission that is flown: name, or path; empty: as announced by the flight.",
+        "mission", "", "Mission that is flown: name, or path; empty: as announced by the flight."
     ),
     Parameter(
-        "bag",
-        "",
-        "Bag of the flight, for its report, or a folder of bags with it; empty: none.",
+        "bag", "", "Bag of the flight, for its report, or a folder of bags with it; empty: none."
     ),
     Parameter("end_with_pages", False, "End when the flight is over and no page is open."),
     Parameter("host", LOOPBACK, "Address to serve on; beyond this machine with a token."),
