@@ -59,12 +59,7 @@ def to_json(summary: "FlightSummary") -> dict[str, Any]:
         ],
         "diagnostic_count": summary.diagnostic_count,
         "diagnostics": [
-            {
-                "t_s": line.time,
-                "node": line.node,
-                "level": line.level,
-                "message": line.message,
-            }
+            {"t_s": line.time, "node": line.node, "level": line.level, "message": line.message}
             for line in summary.diagnostics
         ],
     }

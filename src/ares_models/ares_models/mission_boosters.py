@@ -152,10 +152,7 @@ def burn_parts(
     if burn.throttle_bucket is not None:
         before = parts[-1]
         after = before._replace(name=f"{name}, full thrust again", continues=True)
-        parts += [
-            after._replace(name=f"{name}, throttled", throttle=burn.throttle_bucket),
-            after,
-        ]
+        parts += [after._replace(name=f"{name}, throttled", throttle=burn.throttle_bucket), after]
     return tuple(parts)
 
 
