@@ -2,7 +2,7 @@
 """Read the parameters of all nodes, which `make usage` writes from the nodes' tables. No ROS."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -67,15 +67,11 @@ def _row(item: Mapping[str, Any]) -> Parameter:
     return Parameter(**values)
 
 
-def offered(nodes: Iterable[str] | None = None) -> dict[str, Parameter]:
-    """Return the parameters with an option, by its name; the first node's where several have it.
-
-    Args:
-        nodes: names of the nodes; None: all.
-    """
+def offered() -> dict[str, Parameter]:
+    """Return the parameters with an option, by its name; the first node's where several have it."""
     found: dict[str, Parameter] = {}
-    for node in tables() if nodes is None else nodes:
-        for row in tables()[node]:
+    for table in tables().values():
+        for row in table:
             if row.option:
                 found.setdefault(row.option, row)
     return found

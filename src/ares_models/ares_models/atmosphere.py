@@ -92,17 +92,16 @@ def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
     return _Piece(h, value, np.array([slope, slope]))
 
 
-def with_pressure(table: Array, gravity: tuple[float, float] = _EARTH) -> Array:
+def with_pressure(table: Array) -> Array:
     """Add the columns of the pressure to a table of the density: the weight of the air above.
 
     Args:
         table: shape (..., n, 5), of :func:`hermite_table`.
-        gravity: at the surface, m/s2, and the radius there, m.
 
     Returns:
         Shape (..., n, 9).
     """
-    surface, radius = gravity
+    surface, radius = _EARTH
     h = table[..., 0]
     nodes, weights = np.polynomial.legendre.leggauss(6)
     width = np.diff(h, axis=-1)[..., None]

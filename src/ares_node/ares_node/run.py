@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -158,20 +158,15 @@ def _complain(name: str, reason: str) -> None:
 
 
 def run_node(
-    factory: Callable[..., FlightNode],
-    argv: Sequence[str] | None = None,
-    *,
-    name: str | None = None,
-    stopped: int = EXIT_OK,
+    factory: Callable[..., FlightNode], *, name: str | None = None, stopped: int = EXIT_OK
 ) -> int:
-    """Run one node as a process until it is done or a signal comes.
+    """Run one node as a process, with its command line, until it is done or a signal comes.
 
     Must be called from the main thread. Discovery stays on this machine unless
     ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
 
     Args:
         factory: the node's class; called with `context=`.
-        argv: command line without the program's name (`--ros-args ...`); default sys.argv[1:].
         name: prefix of error lines before the node exists; default the program's name.
         stopped: exit status after a signal during the start.
 
@@ -181,7 +176,7 @@ def run_node(
         cases the reason is on standard error.
     """
     stay_on_this_machine()
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    arguments = sys.argv[1:]
     who = name or Path(sys.argv[0]).name
     try:
         check_security()
