@@ -175,7 +175,7 @@ def test_a_campaign_tells_and_draws_its_footprints(windy, tmp_path):
     assert table.content.rows[0].cells[1].text == stage.place.replace(" ", "\u00a0")
     assert [len(item.content.series[0].x) for item in figures] == [40, 40]
     assert figures[0].content.series[-1].name == "99 %"
-    assert not any("ballistic" in one.name for one in summary.influences["m_f_kg"])
+    assert not any("ballistic" in draw for draw in summary.influences["m_f_kg"])
     globe = make_ways(windy, [], {}, summary.footprints)
     assert [len(area) for area in globe.areas] == [146, 146]
     assert globe.areas[1][:2] == pytest.approx(fairing.outline()[0][::-1], abs=1e-3)

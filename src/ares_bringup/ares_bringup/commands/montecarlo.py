@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -358,10 +359,7 @@ def _report(
         },
         "footprints": [asdict(footprint) for footprint in summary.footprints],
         "loads": {name: asdict(load) for name, load in summary.loads.items()},
-        "influences": {
-            name: {influence.name: influence.correlation for influence in influences}
-            for name, influences in summary.influences.items()
-        },
+        "influences": summary.influences,
         "failures": [
             {
                 "flight": row["flight"],
@@ -432,7 +430,8 @@ def _print(
     for footprint in summary.footprints:
         out.print(footprint.words, soft_wrap=True)
     for name, influences in summary.influences.items():
-        strongest = ", ".join(f"{i.name} {i.correlation:+.2f}" for i in influences[:3])
+        first = islice(influences.items(), 3)
+        strongest = ", ".join(f"{draw} {correlation:+.2f}" for draw, correlation in first)
         if strongest:
             out.print(f"{name} follows {strongest}")
     for failure in said["failures"]:

@@ -485,7 +485,7 @@ def _insertion_figures(summary: Summary, settings: Settings) -> list[Item]:
 
 
 def _influence_items(summary: Summary) -> list[Item]:
-    found = {name: {i.name: i for i in summary.influences[name]} for name in TOLD}
+    found = summary.influences
     told = [name for name in TOLD if found[name]]
     if not told:
         return []
@@ -493,18 +493,15 @@ def _influence_items(summary: Summary) -> list[Item]:
     rows = []
     for draw in order:
         cells = tuple(
-            number(found[name][draw].correlation, 2, signed=True)
-            if draw in found[name]
-            else word("")
+            number(found[name][draw], 2, signed=True) if draw in found[name] else word("")
             for name in told
         )
         rows.append(Row(drawn_name(draw), cells))
     columns = tuple(Column(RESULT_NAMES[name][0]) for name in told)
-    strongest = next(iter(found[told[0]].values()))
+    strongest, correlation = next(iter(found[told[0]].items()))
     finding = (
-        f"{capitalised(drawn_name(strongest.name))} moves the "
-        f"{RESULT_NAMES[told[0]][0]} most: {about(strongest.correlation**2)} of the variance of "
-        "its ranks."
+        f"{capitalised(drawn_name(strongest))} moves the {RESULT_NAMES[told[0]][0]} most: "
+        f"{about(correlation**2)} of the variance of its ranks."
     )
     table = PageTable(columns, tuple(rows), finding)
     items = [item("Rank correlation with what was drawn", table)]

@@ -259,15 +259,6 @@ class Histogram:
 
 
 @dataclass(frozen=True)
-class Influence:
-    """Hold Spearman's rank correlation of a draw with a result."""
-
-    name: str
-    correlation: float
-    p_value: float
-
-
-@dataclass(frozen=True)
 class Summary:
     """Hold the statistics of a campaign.
 
@@ -276,7 +267,8 @@ class Summary:
         reserve: of propellant.
         loads: of flights in the air, by column of the table.
         histograms: by column of the table.
-        influences: of each draw on a result, strongest first, by the result's column.
+        influences: rank correlation (Spearman's) of each draw with a result, strongest first, by
+            the result's column.
         worst: rows, by criterion.
         failures: rows of the first failed flights.
         sample: columns of the first flights.
@@ -287,7 +279,7 @@ class Summary:
     reserve: Reserve
     loads: dict[str, Load]
     histograms: dict[str, Histogram]
-    influences: dict[str, list[Influence]]
+    influences: dict[str, dict[str, float]]
     worst: dict[str, list[dict[str, Any]]]
     failures: list[dict[str, Any]]
     sample: dict[str, Array] = field(repr=False)
@@ -475,13 +467,13 @@ def _counted(before: Histogram, values: Array, good: NDArray[np.bool_]) -> Histo
     )
 
 
-def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
+def _influences(sample: dict[str, Array], name: str) -> dict[str, float]:
     """Compute the influence of every draw on a result, strongest first; empty if it is constant."""
     from scipy.stats import spearmanr
 
     result = sample[name]
     known = np.isfinite(result)
-    found = []
+    found = {}
     for column, drawn in sample.items():
         # what is dropped has no influence on the flight
         apart = column.startswith(f"{DRAWN}ballistic_coefficient")
@@ -489,7 +481,6 @@ def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
             continue
         if np.ptp(drawn[known]) == 0.0 or np.ptp(result[known]) == 0.0:
             continue
-        spearman = spearmanr(drawn[known], result[known])
-        draw = column.removeprefix(DRAWN)
-        found.append(Influence(draw, float(spearman.statistic), float(spearman.pvalue)))
-    return sorted(found, key=lambda influence: -abs(influence.correlation))
+        correlation = float(spearmanr(drawn[known], result[known]).statistic)
+        found[column.removeprefix(DRAWN)] = correlation
+    return dict(sorted(found.items(), key=lambda influence: -abs(influence[1])))
