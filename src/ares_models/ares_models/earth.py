@@ -94,31 +94,22 @@ class Earth:
         ratio = (1.0 - self.flattening) ** 2
         return math.atan2(ratio * math.sin(geodetic_latitude), math.cos(geodetic_latitude))
 
-    def latitude_longitude(
-        self, position: ArrayLike, time: float, angle_at_zero: float | None = None
-    ) -> tuple[float, float]:
+    def latitude_longitude(self, position: ArrayLike, time: float) -> tuple[float, float]:
         """Compute geocentric latitude and longitude of an inertial position.
 
         Args:
             position: inertial, m, shape (3,).
             time: mission elapsed time, s.
-            angle_at_zero: right ascension of zero longitude at time 0, rad; None: the body's own.
 
         Returns:
             Latitude in -pi/2..pi/2 and longitude in -pi..pi, rad, east positive.
         """
         x, y, z = (float(c) for c in np.asarray(position, dtype=np.float64))
-        at_zero = self.angle_at_zero if angle_at_zero is None else angle_at_zero
-        longitude = math.atan2(y, x) - at_zero - self.rotation_rate * time
+        longitude = math.atan2(y, x) - self.angle_at_zero - self.rotation_rate * time
         return math.atan2(z, math.hypot(x, y)), math.remainder(longitude, 2.0 * math.pi)
 
     def position(
-        self,
-        latitude: float,
-        longitude: float,
-        radius: float,
-        time: float,
-        angle_at_zero: float | None = None,
+        self, latitude: float, longitude: float, radius: float, time: float
     ) -> NDArray[np.float64]:
         """Compute the inertial position over a place, m, shape (3,); Eq. 2.14 times radius.
 
@@ -127,9 +118,7 @@ class Earth:
             longitude: east positive, rad.
             radius: m.
             time: mission elapsed time, s.
-            angle_at_zero: right ascension of zero longitude at time 0, rad; None: the body's own.
         """
-        at_zero = self.angle_at_zero if angle_at_zero is None else angle_at_zero
-        right_ascension = longitude + at_zero + self.rotation_rate * time
+        right_ascension = longitude + self.angle_at_zero + self.rotation_rate * time
         _, _, up = states.east_north_up(latitude, right_ascension)
         return radius * np.array(up)
