@@ -362,7 +362,7 @@ class Search:
         return point
 
     def _wastes(self, program: CollocationProgram, trial: TrialFlight) -> bool:
-        """Return true if a flight in the air has energy to spare, or has had it in a step."""
+        """Return true if a flight in the air has energy to spare, or had it in the last step."""
         if not program.phases["in_air"].any():
             return False
         return self._idle_step or Pilot(self.arrays, self.start, ()).has_needless_burn(trial.times)
@@ -391,8 +391,7 @@ class Search:
         """Solve a program; with a free coast in steps that change free lengths a little.
 
         Steps that are given up keep the last one, unsettled: in a start if the next would gain next
-        to nothing, or if its flight is better than all known ones. They are given up at the first
-        that fails where no propellant can be saved: there a cost of waste leads on.
+        to nothing, or if its flight is better than all known ones.
 
         Args:
             program: the program.
@@ -409,10 +408,9 @@ class Search:
                 point = self._solved_program(program, first, mu)
             if steps.arrived(point, begin):
                 return point
-            known = None if point.solved else steps.known
-            self._idle_step = known is not None and is_idle(FoundOptimum(program, known, 0.0))
-            if steps.gave_up or self.iterations >= last or self._idle_step:
+            if steps.gave_up or self.iterations >= last:
                 known, in_start = steps.known, math.isfinite(self._most_iterations)
+                self._idle_step = known is not None and is_idle(FoundOptimum(program, known, 0.0))
                 best_kg = self.best.m_f_kg if self.best is not None else math.inf
                 fit = not in_start or steps.gain < _FLAT
                 if known and (fit or mass_of(program, known) > best_kg):
