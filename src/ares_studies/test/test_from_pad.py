@@ -1029,6 +1029,39 @@ def test_a_spun_stage_is_planned_and_flown(name, number, length_s, within_s):
     assert judged(mission, end).end is End.TARGET
 
 
+def test_a_last_burn_with_nothing_to_do_ends_at_once():
+    """End the flight of a spun solid on its orbit: the trim burned all it had for want of a law."""
+    mission = load_mission(str(MISSIONS / "shavit_pad.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    # the fairing drops 1 s after an ignition that the search moves
+    assert solution.verification.mass_defect_kg < 0.1
+    end = fly_compiled(mission, law=ready(mission, solution)).plant
+    assert judged(mission, end).end is End.TARGET
+    assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-4)
+
+
+@pytest.mark.trial
+@pytest.mark.parametrize(
+    ("name", "least_kg"),
+    [
+        # 2,139.8 kg with the drop at a knot of the thrust
+        ("vega_s2a_pad", 2145.0),
+        # no cost of waste led past burns that may not shrink further in a step
+        ("athena2_sso_pad", 1442.9),
+    ],
+)
+def test_a_launcher_of_solids_is_planned_well_and_flown(name, least_kg):
+    mission = load_mission(str(MISSIONS / f"{name}.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    assert solution.m_f_kg > least_kg
+    for law in ("peg", "igm", "optimal"):
+        end = fly_compiled(mission, law=ready(mission, solution, law)).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) > 0.99 * solution.m_f_kg, law
+
+
 @pytest.mark.trial
 def test_a_flight_to_the_distance_of_the_moon_is_planned_and_flown():
     """Begin with a coast of half a day, from which the search finds the one of five days."""

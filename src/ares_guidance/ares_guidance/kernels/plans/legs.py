@@ -27,7 +27,12 @@ from ares_models.jit import inlined, kernel
 from ares_models.kernels.coast import coast
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.sequence import mass_at_staging
-from ares_models.kernels.targets import target_speed
+from ares_models.kernels.targets import (
+    desired_state,
+    plane_normal,
+    project_to_plane,
+    target_speed,
+)
 from ares_models.kernels.vectors import add, cross, dot, load, norm, scale, store, sub, unit
 
 #: Largest difference of a leg's first solution from its planned end, as a fraction of the leg's
@@ -326,8 +331,30 @@ def steer_by_plan(leg: Record) -> None:
 
 
 @kernel
+def is_at_target(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Return whether a short burn would meet the velocity of the leg's target where it is now.
+
+    Such a burn, planned or left over, may be too short for any solution.
+
+    Args: as in :func:`command_flight`.
+    """
+    nav = onboard.navigation
+    state = onboard.state
+    target = state.leg.target
+    r, v = load(nav.position), load(nav.velocity)
+    normal, _ = plane_normal(target, r, cross(r, v))
+    radial = project_to_plane(r, normal)
+    _, wanted_v, _ = desired_state(target, mission.environment.mu, radial, normal)
+    arc = mission.arcs[nav.arc]
+    ve, mass_flow = present_engine(arc, arc.stage, state)
+    return norm(sub(wanted_v, v)) * nav.mass < SHORT_BURN * ve * mass_flow
+
+
+@kernel
 def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
     """Command the leg's steering and cut-off, and the planned arcs after it.
+
+    At its target the last burn is cut off without a solution too.
 
     Args:
         mission: as guidance believes it.
@@ -356,6 +383,10 @@ def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
         if free and k + 1 < arcs.shape[0]:
             steering.arc_end_times[k] = end
     steering.cutoff_time = end if math.isfinite(leg.steering.cutoff_time) else math.nan
+    arc = arcs[nav.arc]
+    ends = nav.arc + 1 == arcs.shape[0] and math.isinf(arc.duration)
+    if ends and math.isnan(steering.cutoff_time) and is_at_target(mission, onboard):
+        steering.cutoff_time = max(nav.time, nav.arc_start_time + arc.shortest)
 
 
 @kernel
