@@ -410,7 +410,8 @@ def next_to_nothing(propellant_kg: float) -> str:
     """Return the reason of a flight whose free burns need almost no propellant."""
     return (
         f"optimal within {propellant_kg:.3g} kg, which is all that the free burns take: "
-        "those of fixed length all but reach the target"
+        "those of fixed length all but reach the target; with a least length (min_s) of the last "
+        "one guidance has time to correct the flight"
     )
 
 
