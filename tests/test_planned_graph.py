@@ -148,7 +148,7 @@ def test_the_flight_waits_for_its_plan(graph, missions, plan, optimizer):
     assert not graph.events
     assert not commands
     # no answer is missed on a busy machine
-    simulator.values["command_timeout_s"] = 60.0
+    simulator._flight.link.timeout_s = 60.0
     asked.free.set()
     graph.spin(lambda: flown(graph))
     assert simulator.simulator.ended_well
