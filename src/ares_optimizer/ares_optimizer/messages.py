@@ -307,4 +307,4 @@ def _fill(response: Any, solution: Solution) -> None:
         response.sample_position = _doubles(flight.position)
         response.sample_velocity = _doubles(flight.velocity)
         response.sample_mass = _doubles(flight.mass)
-        response.sample_direction = _doubles(solution.thrust_directions())
+        response.sample_direction = _doubles(flight.thrust_directions(arcs))

@@ -233,6 +233,16 @@ class Trajectory:
     heating_rate: Array
     thrust: Array
 
+    def thrust_directions(self, arcs: Sequence[SteeringArc]) -> Array:
+        """Return the direction of each sample, shape (n, 3); nan in the coasts among its arcs."""
+        directions = self.direction.copy()
+        for arc in arcs:
+            if arc.coasts:
+                first = np.searchsorted(self.time_s, arc.start_s, side="right") - 1
+                last = np.searchsorted(self.time_s, arc.end_s, side="left")
+                directions[max(first, 0) : last + 1] = math.nan
+        return directions
+
 
 def joined(tracks: Sequence[Trajectory]) -> Trajectory:
     """Concatenate trajectories."""
@@ -343,23 +353,6 @@ class Solution:
     def delta_v_m_s(self) -> float:
         """Return the ideal velocity of all burns, m/s; nan without a flight."""
         return sum(arc.delta_v_m_s for arc in self.arcs) if self.arcs else math.nan
-
-    def thrust_directions(self) -> Array:
-        """Return the thrust direction of each sample, shape (n, 3); nan in a coast.
-
-        Raises:
-            ValueError: the solution has no trajectory.
-        """
-        track = self.trajectory
-        if track is None:
-            raise ValueError(f"{self.method} has no trajectory: {self.reason}")
-        directions = track.direction.copy()
-        for arc in self.arcs:
-            if arc.coasts:
-                first = np.searchsorted(track.time_s, arc.start_s, side="right") - 1
-                last = np.searchsorted(track.time_s, arc.end_s, side="left")
-                directions[max(first, 0) : last + 1] = math.nan
-        return directions
 
     def to_json(self, arc_names: Sequence[str] = ()) -> dict[str, Any]:
         """Return the published summary for ``json.dumps``; unknown values are None.

@@ -69,7 +69,7 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
         sample_position=track.position,
         sample_velocity=track.velocity,
         sample_mass=track.mass,
-        sample_direction=solution.thrust_directions(),
+        sample_direction=track.thrust_directions(solution.arcs),
         flown_arc=np.array([arc.arc for arc in solution.flown], dtype=np.int64),
         flown_start_time=np.array([arc.start_s for arc in solution.flown]),
         flown_end_time=np.array([arc.end_s for arc in solution.flown]),

@@ -160,7 +160,6 @@ class Search:
         self.sunk_kg = -math.inf
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
-        self._idle_step = False
         self._nearest: TrialFlight | None = None
         #: Number of iterations at which a start is given up.
         self._most_iterations: float = math.inf
@@ -301,7 +300,7 @@ class Search:
             self._unproven = True
             return None
         point = self._first_point(program, trial)
-        if not point.solved and self._wastes(program, trial):
+        if not point.solved and self._wastes(program, trial, point):
             point = self._first_without_waste(program, trial)
         if not point.solved:
             if point.status == LOCALLY_INFEASIBLE:
@@ -361,11 +360,20 @@ class Search:
             point = again if again.solved else point
         return point
 
-    def _wastes(self, program: CollocationProgram, trial: TrialFlight) -> bool:
-        """Return true if a flight in the air has energy to spare, or had it in the last step."""
+    def _wastes(
+        self, program: CollocationProgram, trial: TrialFlight, point: StoppingPoint
+    ) -> bool:
+        """Return true if a trial flight in the air, or the last step from it, has energy to spare.
+
+        Args:
+            program: of the trial flight.
+            trial: the flight.
+            point: where the solver stopped; where steps were given up, the last that was solved.
+        """
         if not program.phases["in_air"].any():
             return False
-        return self._idle_step or Pilot(self.arrays, self.start, ()).has_needless_burn(trial.times)
+        stepped = point.status == GIVEN_UP and is_idle(FoundOptimum(program, point, 0.0))
+        return stepped or Pilot(self.arrays, self.start, ()).has_needless_burn(trial.times)
 
     def _first_without_waste(
         self, program: CollocationProgram, trial: TrialFlight
@@ -410,12 +418,11 @@ class Search:
                 return point
             if steps.gave_up or self.iterations >= last:
                 known, in_start = steps.known, math.isfinite(self._most_iterations)
-                self._idle_step = known is not None and is_idle(FoundOptimum(program, known, 0.0))
                 best_kg = self.best.m_f_kg if self.best is not None else math.inf
                 fit = not in_start or steps.gain < _FLAT
                 if known and (fit or mass_of(program, known) > best_kg):
                     return steps.released(known)
-                return replace(point, status=GIVEN_UP)
+                return replace(known or point, status=GIVEN_UP)
             if point.solved:
                 begin, mu = point, None
             elif isinstance(begin, StoppingPoint) and steps.begins_anew:
