@@ -233,6 +233,7 @@ def test_commands_reach_the_simulator(graph, mission):
     assert refused[1] == "nobody here obeys: this flight sets its own pace"
 
 
+@pytest.mark.trial
 def test_history_is_bounded_however_long_the_flight(graph, mission):
     live = graph.start(LiveNode, mission=mission)
     simulator = graph.start(VehicleSimNode, mission=mission, navigation_period_s=0.01)

@@ -303,6 +303,7 @@ def test_a_server_that_stands_still_holds_nobody_up(flown, opened):
     assert not psutil.pid_exists(live)
 
 
+@pytest.mark.trial
 def test_a_flight_in_one_process_tells_what_was_missed_and_why_there_is_no_report(
     tmp_path, ros_environment, opened
 ):
@@ -472,6 +473,7 @@ def test_a_replay_of_a_climb_is_followed_paused_and_paced(ros_environment, opene
         assert [page.evaluate(TOO_HOT, idle) for idle in ([], ["heating_w_m2"])] == [True, False]
 
 
+@pytest.mark.trial
 def test_a_page_of_its_own_finds_the_flight(ros_environment, flown, opened):
     with started(ros_environment, "live", "--no-browser") as viewer:
         page = opened(viewer.url)

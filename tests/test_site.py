@@ -150,6 +150,7 @@ def test_a_page_is_legible(site: Path, browser, serious_faults, name: str) -> No
             assert serious_faults(page) == [], theme
 
 
+@pytest.mark.trial
 def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path) -> None:
     tree = tmp_path / "tree"
     (tree / "tools").mkdir(parents=True)

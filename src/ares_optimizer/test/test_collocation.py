@@ -297,6 +297,7 @@ def test_a_parking_orbit_may_name_its_inclination() -> None:
     assert tilt.satisfied
 
 
+@pytest.mark.trial
 def test_the_price_of_a_parking_orbit_is_what_another_one_costs() -> None:
     low, high = (solve(parked("vulcan_gto", 185e3, a), "collocation") for a in (186e3, 187e3))
     prices = [

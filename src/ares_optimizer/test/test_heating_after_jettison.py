@@ -150,6 +150,7 @@ def test_peaks_are_found_and_counted():
     assert peaks[0] == pytest.approx(top, abs=2.0)
 
 
+@pytest.mark.trial
 def test_a_plan_that_is_cool_anyway_is_the_optimum_of_the_limit_along_the_way():
     """Free coasts are planned for the limit at the jettison; `direct20` would coast nowhere."""
     arrays, start = with_parking_perigee(175e3)

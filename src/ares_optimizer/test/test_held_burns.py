@@ -463,6 +463,7 @@ class TestGuesses:
         assert rest.m_f_kg == pytest.approx(solved[MIDDLE].m_f_kg, abs=1e-3)
 
 
+@pytest.mark.trial
 def test_drops_at_fixed_times_first_leave_the_other_unknowns(edited, solved):
     """Keep ends and directions as limits return to the unknowns."""
     flight = edited(KICK, SHROUD[0], (SHROUD[1][0], SHROUD[1][1].replace("100.0", "20.0")))

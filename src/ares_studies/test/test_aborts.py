@@ -305,6 +305,7 @@ def test_the_optimum_in_the_air_is_that_of_collocation(planned):
     assert optimizer.knew(lost).m_f_kg == pytest.approx(other.m_f_kg, rel=1e-6)
 
 
+@pytest.mark.trial
 def test_a_limit_of_the_dynamic_pressure_is_no_hindrance():
     mission = load_mission(TEMPLATE)
     plan = solve(mission, "auto")

@@ -29,6 +29,7 @@ def flights(settings, dispersions, relieved=True):
     return made
 
 
+@pytest.mark.trial
 def test_winds_load_a_vehicle_less_where_it_is_relieved(settings):
     dispersions = load_dispersions("standard_pad")
     plain, relieved = (
