@@ -19,7 +19,8 @@ from ares_bringup.node_values import node_parameters
 from ares_bringup.one_process import fly_in_process
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.processes import MODULES, fly_in_processes
-from ares_bringup.rehearsal import rehearse, shared_plan
+from ares_bringup.rehearsal import rehearse
+from ares_bringup.shared_plans import shared_plans
 from ares_bringup.summary import FlightSummary
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
@@ -71,7 +72,7 @@ def fly(
     summary = FlightSummary(facts, options.guidance, bag, new_id(), namespace=namespace)
     parameters = node_parameters(options, bag, summary.flight_id)
     with ExitStack() as held:
-        held.enter_context(shared_plan())
+        held.enter_context(shared_plans())
         if line := rehearse(parameters[SIMULATOR] | parameters[GUIDANCE]):
             say(line)
         audience = Audience(options, summary, say)

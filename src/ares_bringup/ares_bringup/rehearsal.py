@@ -2,17 +2,14 @@
 """Fly a mission ahead, before the nodes start, to check that its law reaches the target."""
 
 import math
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ares_bringup.facts import facts_of
 from ares_bringup.insertion import judgement
 from ares_bringup.options import PEG, CannotStart, refusal
-from ares_optimizer.registry import SHARED_SOLUTIONS
 
 if TYPE_CHECKING:
     from ares_guidance.settings import LawSettings
@@ -110,24 +107,6 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     if end.mass_kg < rehearsal.least_kg:
         raise CannotStart(f"law is {law!r}, which is {loss}; {_advice(rehearsal, law)}")
     return "; ".join(filter(None, (f"law {law} is {loss}", doubt)))
-
-
-@contextmanager
-def shared_plan() -> Iterator[None]:
-    """Let the optimizer node find the plan of the rehearsal, in a temporary folder.
-
-    Where several flights share a folder already, it is in theirs.
-    """
-    if SHARED_SOLUTIONS in os.environ:
-        yield
-        return
-    with ExitStack() as held:
-        # without room for one the node searches itself
-        with suppress(OSError):
-            folder = TemporaryDirectory(prefix="ares_solutions_", ignore_cleanup_errors=True)
-            os.environ[SHARED_SOLUTIONS] = held.enter_context(folder)
-            held.callback(os.environ.pop, SHARED_SOLUTIONS, None)
-        yield
 
 
 def asks_for_plan(mission: "Mission", law: str) -> bool:

@@ -29,6 +29,7 @@ from ares_models.plans import flies_in_air
 from ares_models.registry import registered
 from ares_models.splines import hermite_table
 from ares_optimizer.deadline import Deadline, Progress
+from ares_optimizer.kept import solve_once
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import (
     Check,
@@ -121,13 +122,16 @@ def optimize(
         times = _held_times(mission, held)
         _load(method)
         with search(quiet=as_json) as tell:
-            solution = solve(
-                mission,
-                method,
-                heating=heating,
-                jettison_times=times,
-                deadline=Deadline(time_limit_s, tell),
-            )
+            deadline = Deadline(time_limit_s, tell)
+            heating = heating or mission.heating_limit_holds
+            if times:
+                solution = solve(
+                    mission, method, heating=heating, jettison_times=times, deadline=deadline
+                )
+            else:
+                # a flight finds it again
+                begin = mission.start().navigation()
+                solution = solve_once(mission.arrays(), method, begin, heating, deadline, anew=True)
     except (MissionError, OptimizerError) as error:
         raise refusal(error, mission, mission_name) from error
     _doubt_pressure(mission, solution)
