@@ -57,6 +57,7 @@ def test_the_figures_show_what_the_file_holds(read_page, report, size):
     assert sum(text["chart"] for text in page.evaluate(TEXTS)) > 5 * len(figures)
 
 
+@pytest.mark.trial
 def test_the_page_is_legible_and_has_no_serious_fault(read_page, check_page):
     check_page(read_on_a_phone(read_page), "narrow")
 
