@@ -11,6 +11,7 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from ares_bringup import shared_plans
 from ares_bringup.facts import facts_of
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.summary import FlightSummary
@@ -362,12 +363,14 @@ def test_a_flight_takes_one_search(ares, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "_kept", type(kept._kept)())
     monkeypatch.setattr(kept, "solve", lambda *a, **k: searches.append(a[1]) or search(*a, **k))
     monkeypatch.delenv(SHARED_SOLUTIONS, raising=False)
+    monkeypatch.setattr(shared_plans, "plans_folder", lambda: tmp_path / "plans")
     words = ("fly", "--in-process", "--no-record", "--nav-period", "1")
     done = ares(*words, "--mission", "ariane5_eca")
     assert done.returncode == 0, done.stderr
     assert searches == ["auto"]
     # flights that share a folder find what another process has found
-    monkeypatch.setenv(SHARED_SOLUTIONS, str(tmp_path))
+    (tmp_path / "shared").mkdir()
+    monkeypatch.setenv(SHARED_SOLUTIONS, str(tmp_path / "shared"))
     for _ in range(2):
         kept._kept.clear()
         assert ares(*words, "--mission", "ariane5_eca").returncode == 0

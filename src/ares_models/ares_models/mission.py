@@ -25,6 +25,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission_arcs import BurnArc, CoastArc, shortest
 from ares_models.mission_arrays import arc_array, environment_array, jettison_array
 from ares_models.mission_checks import MAX_STAGES, check_mission
+from ares_models.mission_depletion import end_at_depletion
 from ares_models.mission_keys import Load, Moment, Part, Text, added_later, optional
 from ares_models.mission_masses import PROPELLANT_ROUNDING, ignition_mass
 from ares_models.mission_parts import (
@@ -159,6 +160,7 @@ class Mission(Part):
     @classmethod
     def _at_release(cls, data: Any, check: ModelWrapValidatorHandler["Mission"]) -> "Mission":
         """Check the mission as its file has it; begin it at its release from pad or rail."""
+        data = end_at_depletion(data)
         mission, held = release(data, check(data), check)
         mission._held = held
         return mission
@@ -217,14 +219,14 @@ class Mission(Part):
 
     @property
     def drops(self) -> tuple[Jettison, ...]:
-        """Return what is dropped: the jettisons of the file, then the boosters as they burn out."""
+        """Return what is dropped: the jettisons of the file, then the boosters."""
         g0 = self.environment.g0_m_s2
         boosters = [
             Jettison(
                 name=booster.name,
                 mass_kg=booster.count * booster.dry_mass_kg,
                 stage=stage.name,
-                time_after_ignition_s=booster.end_s(g0),
+                time_after_ignition_s=booster.drop_s(g0),
                 ballistic_coefficient_kg_m2=booster.ballistic_coefficient_kg_m2,
             )
             for stage in self.stages

@@ -150,8 +150,9 @@ class BurnArc(Part):
     thrust_n: allowed.Thrust | None = optional("full thrust of all engines, vacuum")
     isp_s: allowed.SpecificImpulse | None = optional("vacuum; mass flow is T / (g0 Isp)")
     engines: allowed.EngineCount = Field(default=1, description="that share the thrust")
-    burn_time_s: allowed.FreeTime | None = optional(
-        "from ignition command to cut-off command, or free"
+    burn_time_s: allowed.BurnTime | None = optional(
+        "from ignition command to cut-off command, free, or depletion: until the propellant_kg of "
+        "its stage is gone"
     )
     thrust_table: allowed.ThrustTable | None = added_later(
         "of a solid motor, in place of thrust_n and burn_time_s: vacuum thrust after "
@@ -320,9 +321,7 @@ class BurnArc(Part):
         """Return the time from ignition command to cut-off command; inf if free."""
         if self.thrust_table is not None:
             return self.thrust_table[-1][0]
-        if self.burn_time_s is None or self.burn_time_s == "free":
-            return math.inf
-        return self.burn_time_s
+        return self.burn_time_s if isinstance(self.burn_time_s, float) else math.inf
 
     @property
     def thrust_key(self) -> str:

@@ -43,7 +43,7 @@ class Booster(Part):
     count: allowed.EngineCount = Field(
         default=1, description="how many; the masses and thrust are of one"
     )
-    dry_mass_kg: allowed.Mass = Field(description="what drops when it is empty")
+    dry_mass_kg: allowed.Mass = Field(description="what drops")
     propellant_kg: allowed.Mass = Field(description="all of it burns")
     thrust_n: allowed.Thrust | None = optional("vacuum")
     burn_time_s: allowed.Duration | None = optional("its mass flow follows")
@@ -54,6 +54,7 @@ class Booster(Part):
     )
     exit_area_m2: allowed.Area | None = optional("of its nozzle")
     ignition_s: allowed.Delay = Field(default=0.0, description="after the ignition of the stage")
+    drop_delay_s: allowed.Delay | None = added_later("from its burnout until it drops")
     ballistic_coefficient_kg_m2: allowed.BallisticCoefficient | None = added_later(
         "of one as it falls: mass over drag coefficient times area"
     )
@@ -85,6 +86,10 @@ class Booster(Part):
     def end_s(self, g0: float) -> float:
         """Return the burnout, s after the ignition of the stage; g0 in m/s2."""
         return self.ignition_s + self.burn_s(g0)
+
+    def drop_s(self, g0: float) -> float:
+        """Return the drop, s after the ignition of the stage; g0 in m/s2."""
+        return self.end_s(g0) + (self.drop_delay_s or 0.0)
 
     def thrust(self, g0: float) -> tuple[Array, Array]:
         """Return knots of the thrust of all: times after the ignition of the stage, s; N."""
@@ -122,7 +127,7 @@ class BurnPart(NamedTuple):
 def burn_parts(
     name: str, burn: BurnArc, boosters: Sequence[Booster], g0: float
 ) -> tuple[BurnPart, ...]:
-    """Cut a burn where boosters are lit and burn out, where a vertical rise ends, and at a bucket.
+    """Cut a burn where boosters light, burn out and drop, after a vertical rise, and at a bucket.
 
     Args:
         name: of the burn.
@@ -132,7 +137,8 @@ def burn_parts(
     """
     length, rise = burn.duration_s, burn.vertical_rise_s or 0.0
     ignitions = [booster.ignition_s for booster in boosters]
-    times = {0.0, rise, *ignitions, *(booster.end_s(g0) for booster in boosters)}
+    ends = [time for booster in boosters for time in (booster.end_s(g0), booster.drop_s(g0))]
+    times = {0.0, rise, *ignitions, *ends}
     cuts: list[float] = []
     for t in sorted(times):
         if t < length - SAME_EVENT and (not cuts or t > cuts[-1] + SAME_EVENT):
@@ -147,6 +153,11 @@ def burn_parts(
         lights = any(abs(t - begin) <= SAME_EVENT for t in (0.0, *ignitions))
         vertical = begin < rise - SAME_EVENT
         whole = name + "".join(f" with {booster.name}" for booster in lit)
+        whole += "".join(
+            f", {booster.name} empty"
+            for booster in boosters
+            if booster.end_s(g0) - SAME_EVENT < begin < booster.drop_s(g0) - SAME_EVENT
+        )
         whole += ", vertical rise" * vertical
         parts.append(BurnPart(whole, begin, end, vertical, not lights, lit))
     if burn.throttle_bucket is not None:
@@ -289,5 +300,12 @@ def check_boosters(stage_path: tuple[str | int, ...], stage: "Stage", g0: float)
                 (*stage_path, "boosters", i, key),
                 getattr(booster, key),
                 f"a burnout before the burn beside it ends, at {burn.duration_s:g} s: the booster "
+                f"burns out at {end:.6g} s",
+            )
+        if booster.drop_s(g0) > burn.duration_s + SAME_EVENT:
+            fail(
+                (*stage_path, "boosters", i, "drop_delay_s"),
+                booster.drop_delay_s,
+                f"a drop before the burn beside it ends, at {burn.duration_s:g} s: the booster "
                 f"burns out at {end:.6g} s",
             )

@@ -161,20 +161,31 @@ def _moment(value: object) -> object:
     return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-def _is_free(value: object) -> str:
+def _is_word(value: object) -> str:
     return "<word>" if isinstance(value, str) else "<time>"
 
 
-def _free(value: object) -> object:
-    if value != "free":
-        fail((), value, "a time in s, or the word free")
-    return value
+def _one_of_words(*words: str) -> BeforeValidator:
+    def check(value: object) -> object:
+        if value not in words:
+            fail((), value, f"a time in s, or the word {' or '.join(words)}")
+        return value
+
+    return BeforeValidator(check)
 
 
 FreeTime = Annotated[
     Annotated[Duration, Tag("<time>")]
-    | Annotated[Literal["free"], BeforeValidator(_free), Tag("<word>")],
-    Discriminator(_is_free),
+    | Annotated[Literal["free"], _one_of_words("free"), Tag("<word>")],
+    Discriminator(_is_word),
+]
+#: Length of a burn that takes what propellant is left in its stage.
+DEPLETION = "depletion"
+#: Length of a burn. Before a mission is checked a number takes the place of `depletion`.
+BurnTime = Annotated[
+    Annotated[Duration, Tag("<time>")]
+    | Annotated[Literal["free", "depletion"], _one_of_words("free", DEPLETION), Tag("<word>")],
+    Discriminator(_is_word),
 ]
 Moment = Annotated[
     datetime,

@@ -251,7 +251,7 @@ class Stage(Part):
     boosters: Annotated[tuple[Booster, ...], Field(max_length=MAX_BOOSTERS)] = Field(
         default=(),
         exclude_if=lambda boosters: not boosters,
-        description="what burns beside the first burn of the stage, and drops when it is empty",
+        description="what burns beside the first burn of the stage, and drops when empty or later",
     )
     aerodynamics: AerodynamicsPart | None = added_later(
         "of the vehicle while this stage is the lowest; default: that of the mission"
@@ -268,7 +268,7 @@ class Stage(Part):
     thrust_n: allowed.Thrust | None = _of_burn("thrust_n", None)
     isp_s: allowed.SpecificImpulse | None = _of_burn("isp_s", None)
     engines: allowed.EngineCount = _of_burn("engines", 1)
-    burn_time_s: allowed.FreeTime | None = _of_burn("burn_time_s", None)
+    burn_time_s: allowed.BurnTime | None = _of_burn("burn_time_s", None)
     thrust_table: allowed.ThrustTable | None = _of_burn("thrust_table", None)
     mass_flow_table: allowed.FlowTable | None = _of_burn("mass_flow_table", None)
     min_s: allowed.Delay | None = _of_burn("min_s", None)
@@ -352,7 +352,7 @@ class Stage(Part):
         """
         used, begin = 0.0, 0.0
         # boosters burn out, and drop, before the end of the first burn
-        left_alone = max((booster.end_s(g0) for booster in self.boosters), default=0.0)
+        left_alone = max((booster.drop_s(g0) for booster in self.boosters), default=0.0)
         lit = False
         for arc in self.flight_arcs:
             lit = lit or isinstance(arc, BurnArc)

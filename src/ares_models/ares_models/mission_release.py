@@ -131,6 +131,11 @@ def _check(mission: "Mission", burn: BurnArc, hold_s: float, cause: ReleaseKey) 
     for what, end in ends.items():
         if hold_s >= end:
             fail(*cause, f"a release before {what} ends, at {end:g} s; it is at {hold_s:.4g} s")
+    left_s = burn.duration_s - hold_s
+    if burn.vertical_rise_s is not None and burn.vertical_rise_s >= left_s:
+        part = mission.stages[0].arc_path(0, "vertical_rise_s")
+        expected = f"less than the {left_s:g} s from the release to the end of the burn"
+        fail(("stages", 0, *part), burn.vertical_rise_s, expected)
     if burn.start is not None and hold_s < burn.start[-1][0]:
         over = f"the start of the engine is over, at {burn.start[-1][0]:g} s"
         fail(*cause, f"a release after {over}; it is at {hold_s:.4g} s")

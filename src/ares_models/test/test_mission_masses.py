@@ -131,3 +131,105 @@ def test_masses_that_are_not_all_there_or_are_there_twice(tmp_path, change, said
         changed(tmp_path, change)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+#: A stage of two burns with a coast between them.
+TWO_BURNS = {
+    "dry_mass_kg": 235.0,
+    "propellant_kg": 2150.0,
+    "arcs": [
+        {"thrust_n": 25e3, "isp_s": 330.0, "burn_time_s": 60.0},
+        {"coast_s": 30.0},
+        {"thrust_n": 25e3, "isp_s": 330.0, "burn_time_s": "depletion"},
+    ],
+}
+
+
+def test_a_burn_to_depletion_takes_what_is_there(tmp_path):
+    base = load_mission(TEMPLATE)
+    mission = changed(tmp_path, put(0, burn_time_s="depletion"))
+    assert mission.fixed_propellant(0) == pytest.approx(10800.0, rel=1e-12)
+    (burn,), (before,) = mission.stages[0].burns, base.stages[0].burns
+    flow = before.mass_flow(base.environment.g0_m_s2)
+    assert burn.duration_s == pytest.approx(10800.0 / flow, rel=1e-12)
+
+
+def test_a_burn_to_depletion_takes_what_start_tail_off_and_pad_leave(tmp_path):
+    curves = {"start": [[0.0, 0.0], [2.0, 1.0]], "tail_off": [[0.0, 1.0], [1.0, 0.0]]}
+
+    def hold(data):
+        burn = {key: data["stages"][0].pop(key) for key in ("thrust_n", "isp_s", "burn_time_s")}
+        for key in ("vertical_rise_s", "exit_area_m2"):
+            del data["stages"][0][key]
+        arcs = [burn | curves | {"burn_time_s": "depletion"}, {"coast_s": 2.0}]
+        data["stages"][0]["arcs"] = arcs
+        data["initial_state"]["hold_down_s"] = 3.0
+
+    mission = changed(tmp_path, hold)
+    assert mission.fixed_propellant(0) == pytest.approx(mission.propellant(0), rel=1e-12)
+    flow = mission.stages[0].burns[0].mass_flow(mission.environment.g0_m_s2)
+    assert mission.propellant(0) == pytest.approx(10800.0 - 2.0 * flow, rel=1e-12)
+
+
+def test_a_burn_to_depletion_takes_what_other_burns_leave(tmp_path):
+    def two_burns(data):
+        kept = {key: data["stages"][1][key] for key in ("name",)}
+        data["stages"][1] = kept | TWO_BURNS
+        data["stages"].append(kept | {"name": "third stage", "dry_mass_kg": 9.0})
+        data["stages"][2] |= {"propellant_kg": 40.0, "thrust_n": 500.0, "isp_s": 300.0}
+        data["stages"][2]["burn_time_s"] = "free"
+
+    mission = changed(tmp_path, two_burns)
+    assert mission.fixed_propellant(1) == pytest.approx(2150.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "values", "said"),
+    [
+        (
+            0,
+            {"burn_time_s": "depletion", "propellant_kg": None},
+            (
+                "stages[0].burn_time_s is 'depletion'; expected a time in s or free: the stage has "
+                "no propellant_kg"
+            ),
+        ),
+        (
+            0,
+            {"burn_time_s": "depletion", "max_acceleration_m_s2": 50.0, "vertical_rise_s": None},
+            (
+                "stages[0].burn_time_s is 'depletion'; expected a time in s or free, in a stage "
+                "with max_acceleration_m_s2"
+            ),
+        ),
+        (
+            0,
+            {"burn_time_s": "empty"},
+            "stages[0].burn_time_s is 'empty'; expected a time in s, or the word free or depletion",
+        ),
+        (
+            0,
+            {"burn_time_s": "depletion", "thrust_n": -1.0},
+            "stages[0].thrust_n is -1.0; expected a number from 0.001 to 1e10 in N",
+        ),
+        (
+            0,
+            {"burn_time_s": None, "thrust_n": None, "isp_s": None, "vertical_rise_s": None}
+            | {"arcs": [TWO_BURNS["arcs"][0] | {"thrust_n": 1e6}, TWO_BURNS["arcs"][2]]},
+            "stages[0].propellant_kg is 10800.0; expected more than the 18,540.",
+        ),
+        (
+            0,
+            {"burn_time_s": None, "thrust_n": None, "isp_s": None, "vertical_rise_s": None}
+            | {"arcs": [TWO_BURNS["arcs"][2], dict(TWO_BURNS["arcs"][2], engines=2)]},
+            (
+                "stages[0].arcs[0].burn_time_s is 'depletion'; expected a time in s or free: "
+                "another burn of the stage takes what it leaves"
+            ),
+        ),
+    ],
+)
+def test_a_burn_to_depletion_that_has_no_length_is_one_line(tmp_path, place, values, said):
+    with pytest.raises(MissionError) as error:
+        changed(tmp_path, put(place, **values))
+    assert said in str(error.value)

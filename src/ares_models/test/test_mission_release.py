@@ -256,3 +256,19 @@ def test_a_vehicle_that_its_engine_does_not_lift_never_leaves_its_rail():
 
     with pytest.raises(MissionError, match=r"leaves within 60 s; it travels 0\.0 m"):
         on_rail(change=weak)
+
+
+def test_a_vertical_rise_is_over_before_the_burn_that_was_held_ends():
+    def rising(data):
+        stage = data["stages"][0]
+        burn = {key: stage.pop(key) for key in ("thrust_n", "isp_s", "exit_area_m2")}
+        burn_time_s, _ = stage.pop("burn_time_s"), stage.pop("vertical_rise_s")
+        rise = burn | {"burn_time_s": 13.0, "vertical_rise_s": 10.0}
+        stage["arcs"] = [rise, {**burn, "burn_time_s": burn_time_s - 13.0}]
+
+    with pytest.raises(MissionError) as error:
+        held("falcon9_gto_pad", 3.0, rising)
+    assert str(error.value).endswith(
+        "stages[0].arcs[0].vertical_rise_s is 10.0; expected less than the 10 s from the release "
+        "to the end of the burn"
+    )

@@ -25,7 +25,7 @@ from ares_models.floors import floors_of
 from ares_models.judge import End
 from ares_models.kernels.aerodynamics import air_at
 from ares_models.kernels.targets import named_plane
-from ares_models.mission import MissionError, load_mission, parse_mission
+from ares_models.mission import MissionError, load_mission, parse_mission, read_mission
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.ascents import trials_by_parking, try_free_node
 from ares_optimizer.collocation.bucket import bucket_of
@@ -614,6 +614,34 @@ def test_boosters_make_arcs_and_drop_as_they_burn_out(delta):
     arrays = mission.arrays()
     assert arrays.arcs["thrust"][0] == pytest.approx(6 * 628500.0 + 1083100.0)
     assert arrays.arcs["mass_flow"][1] == pytest.approx(3 * 17010.0 / 75.2 + 95550.0 / 261.0)
+
+
+EMPTY = "- name: EAP\n        drop_delay_s: {}"
+
+
+def test_boosters_may_drop_some_time_after_their_burnout():
+    text = read_mission("ariane5_eca_pad")[1]
+    at_once = parse_mission(text, "ariane5.yaml")
+    mission = parse_mission(text.replace("- name: EAP", EMPTY.format(12.0)), "later.yaml")
+    parts = [name for name in mission.arc_names if "EPC" in name]
+    assert parts[-2:] == ["EPC, EAP empty", "EPC"]
+    burnout = at_once.drops[-1].time_after_ignition_s
+    assert mission.drops[-1].time_after_ignition_s == pytest.approx(burnout + 12.0)
+    assert mission.start().mass_kg == at_once.start().mass_kg
+    plans = [solve(one, "auto") for one in (at_once, mission)]
+    assert all(plan.converged for plan in plans)
+    # 2 x 38.2 t for 12 s of 470
+    assert 5.0 < plans[0].m_f_kg - plans[1].m_f_kg < 200.0
+    end = fly_compiled(mission, law=ready(mission, plans[1], "peg")).plant
+    assert judged(mission, end).end is End.TARGET
+
+
+def test_boosters_that_drop_after_their_stage_are_refused():
+    text = read_mission("ariane5_eca_pad")[1].replace("- name: EAP", EMPTY.format(1200.0))
+    with pytest.raises(
+        MissionError, match=r"drop_delay_s is 1200\.0; expected a drop before the bu"
+    ):
+        parse_mission(text, "later.yaml")
 
 
 def test_a_booster_that_outlasts_its_stage_is_refused():
