@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ ELONGATED = 0.5
 OVAL = 0.1
 #: Eccentricity below which an orbit is nearly a circle.
 ROUND = 0.02
+#: Propellant left in a stage that counts as depleted, of what it had.
+DEPLETED_SHARE = 1e-3
 
 
 def true_anomaly_of(state: Insertion, mu: float) -> float:
@@ -71,6 +74,7 @@ class ArcPlan:
         held: burns before a coast that is long or touches its floor, or before a burn that dips.
             Each ends a leg, even if its length is fixed.
         floored: those before a coast that touches its floor.
+        depleted: free burns that take all propellant of their stage. They end no leg.
         programmes: attitude in the air, and from the second on beyond it, from which a law takes
             the first that leaves it a way to the planned end; none: the law begins at once.
         arc_ends_s: planned end of each arc, mission elapsed time.
@@ -90,6 +94,7 @@ class ArcPlan:
     orbits: dict[int, Elements] = field(default_factory=dict)
     held: frozenset[int] = frozenset()
     floored: frozenset[int] = frozenset()
+    depleted: frozenset[int] = frozenset()
     programmes: tuple[Programme, ...] = ()
     arc_ends_s: dict[int, float] = field(default_factory=dict)
     arc_ends_kg: dict[int, float] = field(default_factory=dict)
@@ -114,6 +119,7 @@ class ArcPlan:
         # a law that asked for it may solve for the whole burn
         record["by_legs"] = self.by_legs and needed
         ends = (arcs["kind"] == layout.BURN) & np.isinf(arcs["duration"])
+        ends[list(self.depleted)] = False
         ends[list(self.held)] = True
         ends[-1] = False
         for k in np.flatnonzero(ends & np.append(arcs["held"][1:] == 1, False)):
@@ -268,6 +274,7 @@ def plan_of(trajectory: OfflineTrajectory, arrays: layout.MissionArrays) -> ArcP
     _check_arcs(trajectory, arcs)
     check_floor(trajectory, arrays)
     lifts = held_burns(trajectory, arrays)
+    settled, depleted = _settled(trajectory, arrays)
     plan = ArcPlan(
         {},
         {},
@@ -277,18 +284,19 @@ def plan_of(trajectory: OfflineTrajectory, arrays: layout.MissionArrays) -> ArcP
         by_legs=trajectory.by_legs,
         held=frozenset(lifts),
         floored=frozenset(k for k, lift in lifts.items() if lift > 0.0),
-        programmes=programmes_of(trajectory, arrays),
+        depleted=depleted,
+        programmes=programmes_of(trajectory, settled),
     )
     begin = -math.inf
     for k, start, end in trajectory.flown():
         burns = arcs["kind"][k] == layout.BURN
-        free = np.isinf(arcs["duration"][k])
+        free = np.isinf(settled.arcs["duration"][k])
         plan.arc_ends_s[k] = end
         plan.arc_ends_kg[k] = float(trajectory.sample_mass[trajectory.rows_between(start, end)[-1]])
         if free and not burns and names_perigee_direction(arrays.target[0]):
             at = trajectory.sample_index(end, f"the end of arc {k}")
             plan.positions[k] = trajectory.sample_position[at]
-        if free or k in lifts:
+        if free or k in lifts or k in depleted:
             plan.lengths_s[k] = end - start
         first = trajectory.first_burn(start, end)
         if burns and first is not None:
@@ -301,6 +309,34 @@ def plan_of(trajectory: OfflineTrajectory, arrays: layout.MissionArrays) -> ArcP
             _plan_end(trajectory, arrays, plan, (k, end, lifts.get(k, 0.0)))
             begin = end
     return plan
+
+
+def _settled(
+    trajectory: OfflineTrajectory, arrays: layout.MissionArrays
+) -> tuple[layout.MissionArrays, frozenset[int]]:
+    """Return a mission with its depleted burns at their planned lengths, and these burns.
+
+    A free burn that takes all propellant of its stage ends as one of fixed length does.
+    """
+    arcs = arrays.arcs.copy()
+    mass = trajectory.sample_mass
+    for (k, start, end), (after, *span) in pairwise(trajectory.flown()):
+        arc, stage = arrays.arcs[k], int(arrays.arcs[k]["stage"])
+        if arc["kind"] != layout.BURN or np.isfinite(arc["duration"]):
+            continue
+        if arrays.arcs[after]["stage"] == stage:
+            continue
+        own = arrays.jettisons[arrays.jettisons["stage"] == stage]
+        heated = own["criterion"] == layout.HEATING_LIMIT
+        dropped = own["mass"][~heated | (trajectory.jettison_time <= end)].sum()
+        empty = arc["stack_mass"] - arc["propellant"] - dropped
+        above = arrays.arcs[after]["stack_mass"]
+        last, first = trajectory.rows_between(start, end)[-1], trajectory.rows_between(*span)[0]
+        lost = mass[last] - mass[first]
+        if lost - (empty - above) < DEPLETED_SHARE * arc["propellant"]:
+            arcs["duration"][k] = end - start
+    depleted = np.isinf(arrays.arcs["duration"]) & np.isfinite(arcs["duration"])
+    return arrays._replace(arcs=arcs), frozenset(map(int, np.flatnonzero(depleted)))
 
 
 def _plan_end(

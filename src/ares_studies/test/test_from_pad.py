@@ -616,6 +616,31 @@ def test_boosters_make_arcs_and_drop_as_they_burn_out(delta):
     assert arrays.arcs["mass_flow"][1] == pytest.approx(3 * 17010.0 / 75.2 + 95550.0 / 261.0)
 
 
+#: The first burn of the small launcher in two parts, the second throttled to a limit and free.
+THROTTLED_REST = """    arcs:
+      - {thrust_n: 800000.0, isp_s: 312.0, burn_time_s: 20.0, exit_area_m2: 0.9,
+         vertical_rise_s: 8.0}
+      - {thrust_n: 800000.0, isp_s: 312.0, burn_time_s: free, exit_area_m2: 0.9,
+         max_acceleration_m_s2: 45.0}
+"""
+
+
+def test_a_free_burn_that_takes_all_propellant_ends_no_leg():
+    text = SMALL.format(thrust=800000.0)
+    first = text.index("    thrust_n: 800000.0"), text.index("    max_dynamic")
+    mission = parse_mission(text[: first[0]] + THROTTLED_REST + text[first[1] :], "throttled.yaml")
+    solution = solve(mission, "auto")
+    assert solution.converged
+    plan = plan_of(offline_trajectory(solution), mission.arrays())
+    throttled = mission.arc_names.index("first", 2)
+    assert plan.depleted == {throttled}
+    assert not plan.record(mission.arrays())["ends_leg"].any()
+    for law in ("peg", "igm"):
+        end = fly_compiled(mission, law=ready(mission, solution, law)).plant
+        assert judged(mission, end).end is End.TARGET, law
+        assert float(end["mass"]) == pytest.approx(solution.m_f_kg, rel=1e-3)
+
+
 EMPTY = "- name: EAP\n        drop_delay_s: {}"
 
 
