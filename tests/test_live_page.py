@@ -402,6 +402,7 @@ def test_a_person_gets_the_page_opened_and_finds_the_report_there_in_the_end(tmp
         os.close(ours)
 
 
+@pytest.mark.trial
 def test_a_replay_of_a_climb_is_followed_paused_and_paced(ros_environment, opened, from_the_pad):
     bag = from_the_pad / "bag"
     flown = read_flight(bag).summary

@@ -15,7 +15,6 @@ from ares_bringup.held import used_by_family
 from ares_bringup.options import FlyOptions
 from ares_trials.testing.flights import short_burn
 from ares_trials.testing.held import Held, held, orphans
-from ares_trials.testing.samples import one_in
 
 #: MiB that allocators may still take after the first flights.
 SLACK = 8.0
@@ -54,8 +53,8 @@ def fly_many(folder: Path, count: int, in_process: bool) -> None:
     assert orphans(used) == set()
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("count", "in_process"), one_in(2, [(9, True), (2, False)]))
+@pytest.mark.trial
+@pytest.mark.parametrize(("count", "in_process"), [(9, True), (2, False)])
 def test_what_is_held_stays_as_it_is(tmp_path: Path, count: int, in_process: bool) -> None:
     words = [str(tmp_path), str(count), "yes" if in_process else ""]
     done = subprocess.run(

@@ -121,6 +121,7 @@ def test_an_event_with_several_rows_is_passed_once():
     assert _passed(np.array([0.0, 1.0, 2.0]), [1.0])[:, 0].tolist() == [False, True, True]
 
 
+@pytest.mark.trial
 def test_the_words_of_marks_that_lie_close_are_all_there_and_apart(open_file, tmp_path):
     out = tmp_path / "falcon.html"
     assert main(["optimize", "--json", "--mission", "falcon9_gto", "--out", str(out)]) == 0

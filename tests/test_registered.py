@@ -67,6 +67,7 @@ def test_the_core_flies_without_them(without_leaves):
     assert json.loads(done.stdout)["outcome"] == "target"
 
 
+@pytest.mark.trial
 def test_the_core_prints_its_optimum_without_a_published_one(without_leaves):
     done = run(without_leaves, "optimize", "--method", "direct11")
     assert done.returncode == 0, done.stderr

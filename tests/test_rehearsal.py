@@ -127,6 +127,7 @@ def test_a_law_that_flies_no_plan_says_so():
         rehearse({"mission": "falcon9_gto", "law": "peg_thesis"})
 
 
+@pytest.mark.trial
 def test_burns_of_fixed_length_that_give_too_much_are_told(tmp_path):
     data = random_coasting_mission(50_056).model_dump(exclude_unset=True, mode="json")
     path = tmp_path / "surplus.yaml"

@@ -289,6 +289,7 @@ def test_a_coast_is_flown_on_the_orbit_it_names(
     assert apogee - equator == pytest.approx(apogee_m, abs=100.0)
 
 
+@pytest.mark.trial
 def test_a_parking_orbit_may_name_its_inclination() -> None:
     found = solve(parked("vulcan_gto", 185e3, 185e3, inclination_deg=29.5), "collocation")
     assert found.flyable, found.reason
@@ -319,6 +320,7 @@ def test_a_flight_off_its_parking_orbit_is_told(solutions: dict[str, Solution]) 
     assert re.match(r"orbit of arc 2: radius off by ", below_floor(arrays, start, free))
 
 
+@pytest.mark.trial
 def test_short_coasts_between_the_burns_of_an_ascent_are_tried() -> None:
     arrays, start = arrays_and_state(load_mission(MISSIONS / "soon_again.yaml"), None)
     with Deadline() as deadline:

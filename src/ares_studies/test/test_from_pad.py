@@ -29,7 +29,8 @@ from ares_models.mission import MissionError, load_mission, parse_mission, read_
 from ares_optimizer.collocation.arrays import COASTING
 from ares_optimizer.collocation.ascents import trials_by_parking, try_free_node
 from ares_optimizer.collocation.bucket import bucket_of
-from ares_optimizer.collocation.guess import ascents_to_park, trials, without_speed
+from ares_optimizer.collocation.guess import trials
+from ares_optimizer.collocation.parking import ascents_to_park, without_speed
 from ares_optimizer.collocation.pilot import Pilot, plane_from_ground
 from ares_optimizer.collocation.points import FoundOptimum, jettison_times_of, times_of
 from ares_optimizer.collocation.reorder import moved_events
@@ -1004,6 +1005,7 @@ def planned_minotaur():
     return mission, solve(mission, "auto")
 
 
+@pytest.mark.trial
 def test_what_solids_give_too_much_is_wasted_without_jumps():
     """Turn the thrust steadily: jumps to and fro waste the same, and no vehicle follows them."""
     _, solution = planned_minotaur()
@@ -1086,6 +1088,25 @@ def test_a_spun_stage_is_planned_and_flown(name, number, length_s, within_s):
     assert solution.lengths_s[number] == pytest.approx(length_s, abs=within_s)
     end = fly_compiled(mission, law=ready(mission, solution)).plant
     assert judged(mission, end).end is End.TARGET
+
+
+#: Sum of the free lengths as found here, s, of flights whose last stage burns whole at the apogee.
+KICKED = {"diamant_a_pad": 391.62, "delta_echo1_pad": 903.36}
+
+
+@pytest.mark.parametrize("name", one_in(2, KICKED))
+def test_a_last_stage_that_burns_whole_circularises_at_the_apogee(name):
+    """Plan ascents that end far below orbital speed, which no first guess did."""
+    mission = load_mission(str(MISSIONS / f"{name}.yaml"))
+    arrays, start = mission.arrays(), mission.start().navigation()
+    # the first ascent alone is that to the orbit before the last stage
+    (target,) = next(ascents_to_park(Pilot(arrays, start, floors_of(arrays, start)))).target
+    assert 0.0 < target["perigee_radius"] < 5e6
+    wanted = 6378137.0 + mission.target.perigee_altitude_m
+    assert target["apogee_radius"] == pytest.approx(wanted, rel=1e-9)
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    assert sum(solution.lengths_s) == pytest.approx(KICKED[name], abs=5.0)
 
 
 def test_a_last_burn_with_nothing_to_do_ends_at_once():

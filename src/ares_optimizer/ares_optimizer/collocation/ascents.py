@@ -34,14 +34,12 @@ from ares_models.kernels.sequence import loaded_mass
 from ares_models.kernels.targets import named_plane
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import (
-    HIGH_UP,
     ROUND,
-    ascents_to_park,
     in_turn,
     is_on_transfer,
     trials,
-    without_speed,
 )
+from ares_optimizer.collocation.parking import HIGH_UP, ascents_to_park, without_speed
 from ares_optimizer.collocation.pilot import (
     Array,
     Pilot,
@@ -80,6 +78,8 @@ _MOST_AFTER = 4
 #: Most first guesses with a coast to the apogee: to find a flight better than the best, and to
 #: confirm it.
 _MOST_TO_APOGEE = 3
+#: Miss of a trial flight from which it is no first guess: it goes through the ground.
+_FAR_OFF = 100.0
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
@@ -113,7 +113,8 @@ class Beginning(NamedTuple):
 def first_guesses(search: Search) -> Iterator[TrialFlight]:
     """Return the trial flights from which a search starts, by parking orbits first."""
     others = trials(search.arrays, search.start, search.floors)
-    return islice(chain(trials_by_parking(search), others), _MOST_STARTS)
+    near = (trial for trial in chain(trials_by_parking(search), others) if trial.miss < _FAR_OFF)
+    return islice(near, _MOST_STARTS)
 
 
 def trials_by_parking(search: Search) -> Iterator[TrialFlight]:
@@ -480,8 +481,9 @@ def _beginning(search: Search, found: FoundOptimum, arc: int) -> Beginning | Non
         end = program.arc_phases[arc][0]
     else:
         end = phases
-        begin = last_begin(program.arrays, start[0], times.lengths)
-        lengths = np.concatenate((lengths, [times.cutoff - begin]))
+        if np.isinf(search.arrays.arcs["duration"][arc - 1]):
+            begin = last_begin(program.arrays, start[0], times.lengths)
+            lengths = np.concatenate((lengths, [times.cutoff - begin]))
     if end == 0:
         return None
     node = int(program.first[end])

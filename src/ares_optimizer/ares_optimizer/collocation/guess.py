@@ -11,23 +11,18 @@ from ares_models.arrays import (
     BURN,
     COAST,
     NAMES_ARGUMENT_OF_PERIGEE,
-    NAMES_SPEED,
-    TARGET_ELEMENTS,
-    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
-    TARGET_RADIUS_SPEED_ANGLE_PLANE,
     MissionArrays,
 )
 from ares_models.floors import Floor
 from ares_models.kernels.judging import judged_by
-from ares_models.kernels.targets import named_plane
 from ares_models.orbits import Elements
 from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.parking import LOW_M, ascent_to, end_of_ascent, without_speed
 from ares_optimizer.collocation.pilot import (
     CONSTANTS,
     Array,
     Pilot,
     TrialFlight,
-    names_plane,
 )
 from ares_optimizer.collocation.target_orbit import target_apogee, target_energy, target_perigee
 from ares_optimizer.collocation.transcription import FreeTimes
@@ -96,14 +91,6 @@ _NEEDLESS = 0.01
 _APOGEE = 0.98
 #: Ratio of apogee to perigee from which a coast to apogee is tried.
 _HIGH = 1.01
-#: The same, from which the way by a circle is the likelier one.
-HIGH_UP = 1.5
-#: Cosine of the angle of a named plane to the pad up to which an ascent turns into it rather than
-#: into the nearest plane over the pad.
-_NEAR_PLANE = math.cos(math.radians(8.0))
-#: Perigees above and below a parking orbit at which a circle is flown, m.
-_LOW_M = 3e5
-_LOWER_M = 5e4
 
 
 def _first_crossing(track: Array, above: Array, default: float) -> float:
@@ -243,7 +230,7 @@ def _choices(
         yield [(np.zeros(CONSTANTS * pilot.count), {arc: 0.0})], (_TO_APOGEE,) * len(coasts)
     # several burns at perigee raise the apogee
     first = _REVOLUTION if burns and not pilot.ascends else firsts[0]
-    if later and target_perigee(pilot.arrays) < pilot.parking_m + _LOW_M:
+    if later and target_perigee(pilot.arrays) < pilot.parking_m + LOW_M:
         yield ascents, (first, *([_REVOLUTION] * later))
     elif later > 1:
         yield ascents, (first, *([_REVOLUTION] * (later - 1)), _TO_APOGEE)
@@ -310,87 +297,6 @@ def _turn_constants(pilot: Pilot, angle: float) -> Array:
     return constants
 
 
-def ascents_to_park(pilot: Pilot) -> Iterator[MissionArrays]:
-    """Yield the missions of an ascent alone, to orbits from which the target is reached.
-
-    They are a circle and the ellipse from its radius to the target's apogee. If one burn alone
-    follows the ascent, the circle is at the target's perigee, if that is low, and else only tried
-    if the target is eccentric.
-    A prescribed orbit is the only one.
-
-    Args:
-        pilot: of the whole mission.
-    """
-    apogee, perigee = target_apogee(pilot.arrays), target_perigee(pilot.arrays)
-    lowest = max((f.perigee_m for f in pilot.floors if f.perigee_m > 0.0), default=0.0)
-    parking = max(pilot.parking_m, lowest)
-    ways = [(parking, pilot.apogee_m), (parking, apogee)]
-    last = _end_of_ascent(pilot)
-    if last is None:
-        return
-    following = pilot.count - 1 - pilot.groups[last]
-    if following == 1 and pilot.apogee_m == parking:
-        low = max(parking - _LOWER_M, lowest) <= perigee < parking + _LOW_M
-        circle = perigee if low else parking
-        ways = [(circle, circle)] * (low or apogee > HIGH_UP * perigee)
-        ways += [(parking, apogee)] * (apogee > perigee or not low)
-        if apogee < HIGH_UP * parking:
-            ways.reverse()
-    if pilot.parks:
-        ways = [(pilot.parking_m, pilot.apogee_m)]
-    for radius, highest in dict.fromkeys(ways):
-        yield _ascent_to(pilot, last, radius, highest)
-
-
-def _end_of_ascent(pilot: Pilot) -> int | None:
-    """Return the first free burn that ends a group; None: no ascent begins, or no group follows."""
-    burns = np.flatnonzero(pilot.arrays.arcs["kind"] == BURN)
-    lasts = [int(burns[pilot.groups[burns] == group][-1]) for group in range(pilot.count - 1)]
-    return next((k for k in lasts if k in pilot.free), None) if pilot.ascends else None
-
-
-def _ascent_to(pilot: Pilot, last: int, radius: float, apogee: float) -> MissionArrays:
-    """Return the mission of an ascent alone, to the perigee of an orbit.
-
-    It ends at the edge of the air, on the way up, if the perigee is lower.
-
-    Args:
-        pilot: of the whole mission.
-        last: the last arc of the ascent.
-        radius: of the perigee, m.
-        apogee: radius, m; inf: with the energy of the target.
-    """
-    arrays, start = pilot.arrays, pilot.start
-    mu = float(arrays.environment[0]["mu"])
-    r, v = start["position"][0], start["velocity"][0]
-    h = np.cross(r, v)
-    target = arrays.target.copy()
-    target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-    target["radius"] = end = max(radius, min(pilot.clear_m, apogee))
-    energy = -mu / (radius + apogee) if apogee < math.inf else target_energy(arrays)
-    at_perigee = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
-    speed = math.sqrt(at_perigee**2 - 2.0 * mu * (1.0 / radius - 1.0 / end))
-    target["speed"] = speed
-    target["flight_path_angle"] = math.acos(min(1.0, radius * at_perigee / (end * speed)))
-    plane = h / np.linalg.norm(h) if pilot.plane is None else pilot.plane
-    if pilot.plane is not None and names_plane(arrays):
-        # two planes of one inclination pass over the pad
-        wanted = np.array(named_plane(arrays.target[0]))
-        plane = wanted if wanted @ plane > _NEAR_PLANE else plane
-        target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
-        target["ascending_node"] = math.atan2(plane[0], -plane[1])
-    target["inclination"] = math.acos(float(plane[2]))
-    return arrays._replace(arcs=arrays.arcs[: last + 1].copy(), target=target)
-
-
-def without_speed(alone: MissionArrays) -> MissionArrays:
-    """Return the mission of an ascent with free speed at its end."""
-    target = alone.target.copy()
-    target["named"] = int(judged_by(target[0])) & ~NAMES_SPEED
-    target["kind"] = TARGET_ELEMENTS
-    return alone._replace(target=target)
-
-
 def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
     """Fit an ascent to a low orbit; return None where there is none.
 
@@ -398,10 +304,10 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
         pilot: of the mission.
         apogee: apogee radius of that orbit, m; inf: with the energy of the target.
     """
-    start, last = pilot.start, _end_of_ascent(pilot)
+    start, last = pilot.start, end_of_ascent(pilot)
     if last is None:
         return None
-    alone = _ascent_to(pilot, last, pilot.parking_m, apogee)
+    alone = ascent_to(pilot, last, pilot.parking_m, apogee)
     best = _aimed(alone, start)
     needless = _NEEDLESS * pilot.longest(last)
     if best is not None and best[0].times.cutoff < needless + _last_begin(alone, start, best[0]):

@@ -14,7 +14,6 @@ from ares_models.kernels.targets import named_plane
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.carry import carried_point, carried_variables
-from ares_optimizer.collocation.intervals import Sweep, sweep_of
 from ares_optimizer.collocation.pilot import (
     Pilot,
     TrialFlight,
@@ -45,7 +44,7 @@ from ares_optimizer.collocation.solver import (
 )
 from ares_optimizer.collocation.steps import LengthSteps
 from ares_optimizer.collocation.transcription import CollocationProgram
-from ares_optimizer.collocation.variables import guess_of
+from ares_optimizer.collocation.variables import guess_of, sweep_of_trial
 from ares_optimizer.plan import free_arcs
 from ares_optimizer.request import Request
 from ares_optimizer.solution import OUT_OF_TIME, Cause, Status
@@ -96,8 +95,10 @@ CORNER = 1e-6
 #: intervals after it.
 _FLAT = 1e-5
 _FLAT_WHEN_REFINED = 1e-6
-#: Most iterations of one solution in steps, of a start, and of a start when a solution is known.
+#: Most iterations of one solution in steps, more of the first, of a start, and of a start when a
+#: solution is known.
 _MOST_IN_STEPS = 200
+_MOST_TO_SETTLE = 600
 _MOST_OF_START = 300
 _MOST_OF_OTHERS = 200
 #: Factors on the limits of dynamic pressure and q alpha, one after the other, and most steps
@@ -416,8 +417,12 @@ class Search:
                 point = self._solved_program(program, first, mu)
             if steps.arrived(point, begin):
                 return point
+            in_start = math.isfinite(self._most_iterations)
+            if in_start and self.iterations >= last and steps.known and self.best is None:
+                # a first flight is worth more
+                last, self._most_iterations = last + _MOST_TO_SETTLE, math.inf
             if steps.gave_up or self.iterations >= last:
-                known, in_start = steps.known, math.isfinite(self._most_iterations)
+                known = steps.known
                 best_kg = self.best.m_f_kg if self.best is not None else math.inf
                 fit = not in_start or steps.gain < _FLAT
                 if known and (fit or mass_of(program, known) > best_kg):
@@ -539,13 +544,6 @@ class Search:
 
     def _first_guesses(self) -> str:
         return f"{self.starts} first guess{'es' * (self.starts != 1)}"
-
-
-def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
-    """Return the sweep of a trial flight."""
-    track = trial.track
-    position = track[:, rollout.POSITION : rollout.VELOCITY]
-    return sweep_of(track[:, rollout.TIME], position, arrays.environment[0])
 
 
 def again_found(

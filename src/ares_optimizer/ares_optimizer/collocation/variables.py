@@ -4,7 +4,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.arrays import MissionArrays
 from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.intervals import Sweep, sweep_of
 from ares_optimizer.collocation.pilot import TrialFlight, path_of, without_repeats
 from ares_optimizer.collocation.transcription import CollocationProgram
 from ares_optimizer.kernels import timetable
@@ -69,3 +71,10 @@ def node_times(program: CollocationProgram, lengths: Array | None = None) -> Arr
         p = int(point["phase"])
         times[int(point["node"] + point["number"])] = begins[p] + point["fraction"] * lengths[p]
     return times
+
+
+def sweep_of_trial(trial: TrialFlight, arrays: MissionArrays) -> Sweep:
+    """Return the sweep of a trial flight."""
+    track = trial.track
+    position = track[:, rollout.POSITION : rollout.VELOCITY]
+    return sweep_of(track[:, rollout.TIME], position, arrays.environment[0])
