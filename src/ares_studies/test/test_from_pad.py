@@ -42,6 +42,7 @@ from ares_optimizer.collocation.variables import variables_of_trial
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.proof.physics import air_force, gravity, surface_radius
+from ares_optimizer.proof.sequence import plan_flight
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import Check, OptimizerError, Status, UnfitMethod
 from ares_optimizer.solve import solve
@@ -726,6 +727,20 @@ def test_a_core_lit_in_flight_burns_on_when_its_boosters_have_dropped():
     assert [arc["start_knots"] for arc in (rise, beside, alone)] == [0, 4, 0]
     assert alone["start_loss"] == rise["start_loss"] == 0.0
     assert alone["mass_flow"] == pytest.approx(800e3 / (280.0 * 9.80665))
+
+
+def test_the_proof_knows_thrust_that_jumps_in_flight():
+    """Burn a core to its end that is lit by a jump: the proof took it for depleted before."""
+    boosters = (
+        "    boosters:\n      - {name: strap-on, count: 2, dry_mass_kg: 100.0, "
+        "propellant_kg: 3000.0, thrust_table: [[0, 7e5], [40, 7e5], [60, 3e5]], exit_area_m2: 0.05}\n"
+    )
+    # all but 2 kg of the stage's propellant
+    table = [[0.0, 0.0], [50.0, 0.0], [50.0, 1.0983e6], [150.0, 1.0983e6]]
+    mission = solid_first_stage(boosters, table)
+    planned = plan_flight(mission.arrays(), mission.start().navigation()[0], 400.0)
+    ends = [end for k, _, end in planned.arcs if mission.arrays().arcs[k]["stage"] == 0]
+    assert ends[-1] == pytest.approx(150.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("with_boosters", [False, True])
