@@ -12,8 +12,14 @@ import numpy as np
 import pytest
 
 from ares_bringup.commands import interrupts, launch_window
+from ares_bringup.commands import optimize as optimize_command
 from ares_bringup.commands.cli import main
-from ares_bringup.commands.optimize import constraint_table, optimize_payload, proof_facts
+from ares_bringup.commands.optimize import (
+    _coast_facts,
+    constraint_table,
+    optimize_payload,
+    proof_facts,
+)
 from ares_bringup.commands.optimum_page import constraint_table as page_table
 from ares_bringup.report import console
 from ares_models.mission import MISSION, TEMPLATE, load_mission
@@ -25,6 +31,11 @@ from ares_studies.pages.parts import BLANK, MINUS
 
 #: The second of its three stages burns in held attitude.
 HELD = Path(__file__).parents[1] / "src/ares_optimizer/test/missions/solid_middle.yaml"
+
+
+@pytest.fixture(scope="module")
+def ares_v_solved():
+    return solve(load_mission("ares_v"), "indirect")
 
 
 def test_json_is_one_object_with_the_promised_keys(capsys):
@@ -173,6 +184,31 @@ def test_of_an_infeasible_mission_the_reason_is_said_once(capsys, tmp_path):
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].startswith("infeasible: propellant of the last stage: 344 kg short")
     assert lines[2:] == ["  --maximize payload finds what arrives, if anything does"]
+
+
+def test_of_a_mission_without_a_plan_the_reason_is_said_once(capsys, monkeypatch):
+    missing = failed("auto", Cause(Status.STALLED, "no flight was found"))
+    missing = replace(missing, steps=("collocation: no flight was found",))
+    monkeypatch.setattr(optimize_command, "solve_once", lambda *_, **__: missing)
+    assert main(["optimize"]) == 1
+    assert capsys.readouterr().out.count("no flight was found") == 1
+
+
+def test_a_value_that_is_rounding_is_zero(ares_v_solved):
+    equator = ConstraintCheck(
+        Check.INCLINATION, "inclination", 3.4e-25, 0.0, True, "deg", True, -0.0
+    )
+    table = constraint_table(load_mission("ares_v"), replace(ares_v_solved, constraints=(equator,)))
+    assert [list(column.cells) for column in table.columns][1:3] == [["0"], ["0"]]
+    assert list(table.columns[4].cells) == ["+0"]
+
+
+def test_a_coast_of_many_hours_is_told(ares_v_solved):
+    (first, *_) = ares_v_solved.arcs
+    coast = replace(first, start_s=900.0, end_s=900.0 + 33.8 * 3600.0, delta_v_m_s=0.0)
+    assert _coast_facts(ares_v_solved) == {}
+    told = _coast_facts(replace(ares_v_solved, arcs=(first, coast)))
+    assert told == {"longest coast": "33.8 h; max_s of a free coast bounds its length"}
 
 
 def test_the_greatest_dynamic_pressure_is_told(capsys):

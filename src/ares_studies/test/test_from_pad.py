@@ -730,10 +730,11 @@ def test_a_core_lit_in_flight_burns_on_when_its_boosters_have_dropped():
 
 
 def test_the_proof_knows_thrust_that_jumps_in_flight():
-    """Burn a core to its end that is lit by a jump: the proof took it for depleted before."""
+    """Burn a core to its end that a jump lights: the proof took it for depleted before."""
     boosters = (
         "    boosters:\n      - {name: strap-on, count: 2, dry_mass_kg: 100.0, "
-        "propellant_kg: 3000.0, thrust_table: [[0, 7e5], [40, 7e5], [60, 3e5]], exit_area_m2: 0.05}\n"
+        "propellant_kg: 3000.0, exit_area_m2: 0.05, "
+        "thrust_table: [[0, 7e5], [40, 7e5], [60, 3e5]]}\n"
     )
     # all but 2 kg of the stage's propellant
     table = [[0.0, 0.0], [50.0, 0.0], [50.0, 1.0983e6], [150.0, 1.0983e6]]

@@ -60,6 +60,10 @@ VERDICTS = {
 }
 NOT_FOUND = ("not found", EXIT_NOT_FOUND)
 
+#: Value of a constraint that is zero but for rounding.
+_ROUNDING = 1e-12
+#: Length of a coast that few upper stages last, s.
+_LONG_COAST_S = 12 * 3600.0
 #: Number of places between the states at which the dynamic pressure is computed.
 _BETWEEN = 201
 
@@ -254,7 +258,8 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print(Text(mission.with_names(verdict)), soft_wrap=True)
     for line in solution.steps:
         # of an infeasible mission the reason is all there is to say
-        if solution.status is not Status.INFEASIBLE or solution.trajectory is not None:
+        said = len(solution.steps) == 1 and line.endswith(solution.reason)
+        if solution.trajectory is not None or not (said or solution.status is Status.INFEASIBLE):
             out.print(Text(f"  {mission.with_names(line)}"), soft_wrap=True)
     if solution.status is Status.INFEASIBLE and mission.payload_kg:
         out.print("  --maximize payload finds what arrives, if anything does")
@@ -274,7 +279,8 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print()
     out.print(constraint_table(mission, solution))
     out.print()
-    for name, text in (_air_facts(mission, solution) | proof_facts(solution)).items():
+    facts = _air_facts(mission, solution) | _coast_facts(solution) | proof_facts(solution)
+    for name, text in facts.items():
         out.print(f"{name}: {text}", soft_wrap=True)
 
 
@@ -398,12 +404,21 @@ def constraint_table(mission: Mission, solution: Solution) -> Table:
         price = price_of(check)
         table.add_row(
             name,
-            f"{check.value:,.7g}",
+            f"{check.value if abs(check.value) > _ROUNDING else 0.0:,.7g}",
             BLANK if is_free(check) else f"{check.limit:,.7g}",
             state,
-            f"{price:+.4g}" if math.isfinite(price) else BLANK,
+            f"{price + 0.0:+.4g}" if math.isfinite(price) else BLANK,
         )
     return table
+
+
+def _coast_facts(solution: Solution) -> dict[str, str]:
+    """Describe a coast that is longer than a stage lasts that is not made for it."""
+    coasts = [arc.end_s - arc.start_s for arc in solution.arcs if arc.coasts]
+    longest = max(coasts, default=0.0)
+    if longest < _LONG_COAST_S:
+        return {}
+    return {"longest coast": f"{longest / 3600.0:,.1f} h; max_s of a free coast bounds its length"}
 
 
 def proof_facts(solution: Solution) -> dict[str, str]:
