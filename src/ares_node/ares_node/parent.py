@@ -11,17 +11,19 @@ import os
 import select
 import signal
 import threading
-import time
 from collections.abc import Callable
 
 #: Environment variable with the process id of the launcher.
 LAUNCHER = "ARES_LAUNCHER_PID"
-#: Time between SIGTERM and SIGKILL after the end of the launcher, wall time, s.
+#: Time between SIGTERM and SIGALRM after the end of the launcher, wall time, s.
 GRACE = 4.0
 
 
 def end_after(gone: Callable[[], object]) -> None:
-    """End this process, by SIGTERM and after GRACE by SIGKILL, when a call returns.
+    """End this process, by SIGTERM and after GRACE by SIGALRM, when a call returns.
+
+    The system sends SIGALRM, which no Python handles: a thread that the middleware blocks at the
+    end, without letting another one run, ends too.
 
     Args:
         gone: blocks until the parent has ended; called in a thread of its own.
@@ -29,9 +31,8 @@ def end_after(gone: Callable[[], object]) -> None:
 
     def watch() -> None:
         gone()
+        signal.setitimer(signal.ITIMER_REAL, GRACE)
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(GRACE)
-        os.kill(os.getpid(), signal.SIGKILL)
 
     threading.Thread(target=watch, name="parent-watch", daemon=True).start()
 

@@ -77,3 +77,26 @@ def test_a_node_that_is_started_by_hand_has_none(launcher, start):
     launcher.kill()
     launcher.wait()
     assert child.poll() is None
+
+
+#: Blocks in code that is not Python's, and lets no other thread run, when it is asked to end.
+BLOCKED = """
+import ctypes, signal, sys, time
+from ares_node.parent import end_after
+signal.signal(signal.SIGTERM, lambda *_: ctypes.PyDLL(None).sleep(600))
+end_after(sys.stdin.read)
+print("up", flush=True)
+while True:
+    time.sleep(0.05)
+"""
+
+
+def test_a_node_that_the_middleware_blocks_at_its_end_ends():
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", BLOCKED], text=True, **pipes) as child:
+        try:
+            assert child.stdout.readline() == "up\n"
+            child.stdin.close()
+            assert child.wait(PATIENCE) == -signal.SIGALRM
+        finally:
+            child.kill()
