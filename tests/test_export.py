@@ -348,6 +348,7 @@ def test_what_is_wrong_is_one_line(tmp_path, capfd, words, expected):
     assert not list(tmp_path.rglob("*"))
 
 
+@pytest.mark.trial
 def test_what_the_air_does_is_exported(from_the_pad, tmp_path, capfd):
     def table(*more):
         out = tmp_path / "table.parquet"

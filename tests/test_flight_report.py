@@ -186,6 +186,7 @@ def test_the_globe_turns_zooms_and_plays(read_file, page_of_one):
     assert page.evaluate("playing") == 0
 
 
+@pytest.mark.trial
 def test_the_wheel_scrolls_the_page_until_the_pointer_comes_to_the_globe(read_file, page_of_two):
     page = read_file(page_of_two, "wide", "light")
     assert page.evaluate(
@@ -487,6 +488,7 @@ def test_a_page_is_made_without_what_takes_long_to_import(tmp_path):
     assert done.stdout.splitlines()[-1] == "0 []"
 
 
+@pytest.mark.trial
 def test_names_of_four_flights_stand_as_they_are_and_their_table_scrolls_in_itself(
     tmp_path, open_file
 ):

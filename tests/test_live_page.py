@@ -259,6 +259,7 @@ def test_updates_come_and_no_more_than_twenty_a_second(flown, opened):
     assert flight.end()[0] == 0
 
 
+@pytest.mark.trial
 def test_what_befalls_a_page_disturbs_no_flight(flown, opened, tmp_path, graph):
     flight = flown(*SLOWLY, "--bag", str(tmp_path / "bag"))
     page = opened(flight.url)

@@ -11,19 +11,9 @@ PAGES = ("page_of_one", "page_of_two", "page_of_many", "page_of_map", "page_of_t
 LOOKS = (("narrow", "dark"), ("wide", "light"), ("narrow", "light"), ("wide", "dark"))
 
 
-@pytest.mark.parametrize(
-    ("which", "size", "theme"),
-    [
-        # the other pages are checked where one of their looks is open; `make trials` takes all
-        pytest.param(
-            which,
-            *look,
-            marks=[] if (which, *look) == ("page_of_many", "narrow", "dark") else pytest.mark.trial,
-        )
-        for which in PAGES
-        for look in LOOKS
-    ],
-)
+@pytest.mark.trial
+@pytest.mark.parametrize(("size", "theme"), LOOKS)
+@pytest.mark.parametrize("which", PAGES)
 def test_a_page_is_legible_and_has_no_serious_fault(
     open_file, request, check_page, which, size, theme
 ):

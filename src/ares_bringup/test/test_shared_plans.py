@@ -8,8 +8,7 @@ import pytest
 
 from ares_bringup import shared_plans
 from ares_bringup.commands.cli import main
-from ares_bringup.fly import fly
-from ares_bringup.options import FlyOptions
+from ares_bringup.rehearsal import rehearse
 from ares_optimizer import kept
 from ares_optimizer.registry import SHARED_SOLUTIONS
 
@@ -28,8 +27,8 @@ def test_a_flight_finds_the_plan_of_the_optimum(folder, monkeypatch, capfd):
     assert len(list(folder.iterdir())) == 1
     kept._kept.clear()
     monkeypatch.setattr(kept, "solve", None)
-    options = FlyOptions(mission="delta_iii_pad", in_process=True, record=False)
-    assert fly(options).outcome == "target"
+    with shared_plans.shared_plans():
+        assert rehearse({"mission": "delta_iii_pad"}) == ""
     assert SHARED_SOLUTIONS not in os.environ
 
 

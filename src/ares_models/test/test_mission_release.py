@@ -261,7 +261,7 @@ def test_a_vehicle_that_its_engine_does_not_lift_never_leaves_its_rail():
 def test_a_vertical_rise_is_over_before_the_burn_that_was_held_ends():
     def rising(data):
         stage = data["stages"][0]
-        burn = {key: stage.pop(key) for key in ("thrust_n", "isp_s", "exit_area_m2")}
+        burn = {key: stage.pop(key) for key in ("thrust_n", "isp_s", "engines", "exit_area_m2")}
         burn_time_s, _ = stage.pop("burn_time_s"), stage.pop("vertical_rise_s")
         rise = burn | {"burn_time_s": 13.0, "vertical_rise_s": 10.0}
         stage["arcs"] = [rise, {**burn, "burn_time_s": burn_time_s - 13.0}]

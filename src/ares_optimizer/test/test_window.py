@@ -22,6 +22,7 @@ def station() -> Window:
     return launch_window(load_mission(STATION), 0)
 
 
+@pytest.mark.trial
 def test_best_launch_time_is_within_two_minutes_of_the_real_one(station: Window) -> None:
     # Demo-2 left at the epoch of the file; the plane comes from two-line elements
     assert abs(station.best.later_s) < 120.0

@@ -42,6 +42,7 @@ def test_winds_load_a_vehicle_less_where_it_is_relieved(settings):
     assert relieved["mass"].mean() > 0.998 * plain["mass"].mean()
 
 
+@pytest.mark.trial
 def test_the_wind_is_estimated_from_what_is_sensed_across_the_thrust(settings, tmp_path):
     path = tmp_path / "north.yaml"
     path.write_text(TO_THE_NORTH)
@@ -57,6 +58,7 @@ def test_the_wind_is_estimated_from_what_is_sensed_across_the_thrust(settings, t
     assert np.linalg.norm(wind) == pytest.approx(9.75, abs=1.0)
 
 
+@pytest.mark.trial
 def test_a_flight_without_wind_needs_no_relief(settings):
     plain, relieved = (
         flights(settings, Dispersions(), relief).fly(0, 1).results for relief in (False, True)

@@ -529,6 +529,7 @@ def test_where_no_optimum_is_found_the_plan_is_flown(flight):
     assert orbit.inclination == pytest.approx(float(target["inclination"]), abs=1e-3)
 
 
+@pytest.mark.trial
 def test_a_short_last_burn_finds_perigee_where_the_plan_has_it():
     """Hold the planned state in the burn before, which ends on the floor of the coast.
 
