@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 import preparation.browser
+from ares_bringup import progress
 from ares_bringup.commands.cli import main
 from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
@@ -111,6 +112,12 @@ class Done(NamedTuple):
     returncode: int
     stdout: str
     stderr: str
+
+
+@pytest.fixture(autouse=True)
+def no_progress_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the lines of searches that take long on a busy machine from standard error."""
+    monkeypatch.setattr(progress, "FIRST_LINE_S", 3600.0)
 
 
 @pytest.fixture
