@@ -568,6 +568,7 @@ def test_a_planned_burn_of_next_to_no_length_asks_for_no_turn(solids, law):
     assert float(end["mass"]) > 0.9995 * plan.m_f_kg
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("flight", [1, 3, 4])
 def test_little_thrust_makes_up_for_what_weak_solids_lack(solids, flight):
     mission, plan = solids
