@@ -3,11 +3,13 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ares_bringup.bag_paths import workspace_root
+from ares_models.kernel_cache import private_folder
+from ares_models.writable import check_folder
 from ares_optimizer.registry import SHARED_SOLUTIONS
 
 
@@ -21,33 +23,24 @@ def shared_plans() -> Iterator[None]:
     if SHARED_SOLUTIONS in os.environ:
         yield
         return
-    with _folder() as folder:
-        os.environ[SHARED_SOLUTIONS] = folder
-        try:
-            yield
-        finally:
-            os.environ.pop(SHARED_SOLUTIONS, None)
+    with ExitStack() as held:
+        # without room for either each process searches itself
+        with suppress(OSError):
+            os.environ[SHARED_SOLUTIONS] = _usable_folder(held)
+            held.callback(os.environ.pop, SHARED_SOLUTIONS, None)
+        yield
+
+
+def _usable_folder(held: ExitStack) -> str:
+    """Return the folder of plans, or a temporary one that is removed with what is held."""
+    with suppress(OSError):
+        folder = plans_folder()
+        check_folder(folder)
+        return str(folder)
+    return held.enter_context(TemporaryDirectory(prefix="ares_plans_", ignore_cleanup_errors=True))
 
 
 def plans_folder() -> Path:
     """Return the folder of plans: `build/plans` of the workspace, else of the user's cache."""
     root = workspace_root()
-    if root:
-        return root / "build" / "plans"
-    cache = os.environ.get("XDG_CACHE_HOME")
-    return (Path(cache) if cache else Path.home() / ".cache") / "ares" / "plans"
-
-
-@contextmanager
-def _folder() -> Iterator[str]:
-    try:
-        folder = plans_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-        writable = os.access(folder, os.W_OK | os.X_OK)
-    except (OSError, RuntimeError):
-        writable = False
-    if writable:
-        yield str(folder)
-        return
-    with TemporaryDirectory(prefix="ares_plans_", ignore_cleanup_errors=True) as temporary:
-        yield temporary
+    return root / "build" / "plans" if root else private_folder() / "plans"

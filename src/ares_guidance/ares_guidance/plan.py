@@ -296,7 +296,7 @@ def plan_of(trajectory: OfflineTrajectory, arrays: layout.MissionArrays) -> ArcP
         if free and not burns and names_perigee_direction(arrays.target[0]):
             at = trajectory.sample_index(end, f"the end of arc {k}")
             plan.positions[k] = trajectory.sample_position[at]
-        if free or k in lifts or k in depleted:
+        if np.isinf(arcs["duration"][k]) or k in lifts:
             plan.lengths_s[k] = end - start
         first = trajectory.first_burn(start, end)
         if burns and first is not None:

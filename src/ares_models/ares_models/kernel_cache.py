@@ -93,8 +93,8 @@ def installed_packages() -> list[Path]:
     return sorted(found.values())
 
 
-def _private_folder() -> Path:
-    """Find a folder that this user, and no other, can write."""
+def private_folder() -> Path:
+    """Find a folder for files of the project that this user, and no other, can write."""
     user = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
     for folder in (Path(user, "ares"), Path(tempfile.gettempdir(), f"ares-{os.getuid()}")):
         with suppress(OSError):
@@ -111,7 +111,7 @@ def choose_folder() -> Path:
     texts: dict[str, str] = {}
     for package in installed_packages():
         texts |= read_package(package)
-    folder = _private_folder() / "kernels" / state_of(texts)
+    folder = private_folder() / "kernels" / state_of(texts)
     folder.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):
         os.utime(folder)

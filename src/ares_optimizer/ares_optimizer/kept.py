@@ -78,9 +78,9 @@ def solve_once(
 
 
 def _file_of(key: bytes) -> Path | None:
-    """Return the file of a shared solution; None: none is shared."""
+    """Return the file of a solution that this code shares; None: none is shared."""
     folder = os.environ.get(SHARED_SOLUTIONS)
-    return Path(folder, key.hex()) if folder else None
+    return Path(folder, sha256(_code() + key).hexdigest()) if folder else None
 
 
 def _shared(key: bytes) -> Solution | None:
@@ -103,6 +103,7 @@ def _share(key: bytes, solution: Solution) -> None:
         return
     # without room, or without the folder, the others search themselves
     with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
         new = file.with_suffix(f".{os.getpid()}")
         new.write_bytes(pickle.dumps(solution))
         new.replace(file)
@@ -117,7 +118,7 @@ def _key_of(
     """Return a hash of all that a solution depends on."""
     # in the air each solution is verified
     verify = verify or flies_in_air(arrays.arcs)
-    inputs = sha256(f"{_code()} {method} {heating} {verify}".encode())
+    inputs = sha256(f"{method} {heating} {verify}".encode())
     begin = state.copy()
     # measured in flight; no search reads it
     begin["heating_rate"] = math.nan
@@ -128,10 +129,10 @@ def _key_of(
 
 
 @cache
-def _code() -> str:
+def _code() -> bytes:
     """Return a hash of the code that finds solutions."""
     code = sha256()
     packages = (Path(package.__file__ or "").parent for package in (ares_models, ares_optimizer))
     for file in chain.from_iterable(sorted(package.rglob("*.py")) for package in packages):
         code.update(file.read_bytes())
-    return code.hexdigest()
+    return code.digest()

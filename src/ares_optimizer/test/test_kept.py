@@ -87,7 +87,8 @@ def test_a_search_for_others_is_a_new_one(monkeypatch, tmp_path):
 def test_a_solution_by_other_code_is_not_found(monkeypatch, tmp_path):
     monkeypatch.setenv(SHARED_SOLUTIONS, str(tmp_path))
     solved()
-    monkeypatch.setattr(kept, "_code", lambda: "other")
+    kept._kept.clear()
+    monkeypatch.setattr(kept, "_code", lambda: b"other")
     solved()
     assert len(list(tmp_path.iterdir())) == 2
 

@@ -13,6 +13,7 @@ from rich.text import Text
 from ares_bringup.options import CannotStart, refusal, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, shown_path
+from ares_bringup.shared_plans import shared_plans
 from ares_bringup.whole_file import check_file, write_whole
 from ares_models.mission import Mission, load_mission
 from ares_optimizer.foreknown import begin_times
@@ -58,6 +59,7 @@ class AbortOptions:
         return MapSettings(mission, self.guidance, self.step_s)
 
 
+@shared_plans()
 def aborts(options: AbortOptions) -> int:
     """Make a map, print its summary, and write its page.
 

@@ -10,7 +10,6 @@ from typing import Any
 
 from ares_bringup.commands.interrupts import Interrupts, report_interrupt
 from ares_bringup.options import CannotStart
-from ares_bringup.shared_plans import shared_plans
 from ares_bringup.usage import answer
 
 # registered in the order of the help
@@ -48,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     status = EXIT_INTERRUPTED
     interrupts = Interrupts()
-    with suppress(KeyboardInterrupt), interrupts, shared_plans():
+    with suppress(KeyboardInterrupt), interrupts:
         status = _run(argv)
     if interrupts.came:
         report_interrupt()

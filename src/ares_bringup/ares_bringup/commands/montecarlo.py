@@ -25,6 +25,7 @@ from ares_bringup.plain_json import print_json
 from ares_bringup.progress import bar
 from ares_bringup.rehearsal import rehearse
 from ares_bringup.report import console, number, shown_path
+from ares_bringup.shared_plans import shared_plans
 from ares_bringup.whole_file import write_whole
 from ares_guidance.settings import LawSettings
 from ares_models.atmosphere import AtmosphereError
@@ -132,6 +133,7 @@ class CampaignOptions:
         return join(words)
 
 
+@shared_plans()
 def montecarlo(options: CampaignOptions, begun: float) -> int:
     """Fly a campaign and print its summary.
 

@@ -19,6 +19,7 @@ from ares_bringup.options import CannotStart, refusal
 from ares_bringup.plain_json import print_json
 from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
+from ares_bringup.shared_plans import shared_plans
 from ares_bringup.whole_file import check_file
 from ares_models.kernels.environment import air_velocity, altitude
 from ares_models.kernels.vectors import norm
@@ -82,6 +83,7 @@ def _write_page(
     write_page(out, mission, solution, flown)
 
 
+@shared_plans()
 def optimize(
     mission_name: str,
     method: str,

@@ -79,7 +79,7 @@ _MOST_AFTER = 4
 #: confirm it.
 _MOST_TO_APOGEE = 3
 #: Miss of a trial flight from which it is no first guess: it goes through the ground.
-_FAR_OFF = 100.0
+_HOPELESS = 100.0
 #: Share of the greatest final mass from which a flight must be tried.
 _NEARLY_BEST = 0.99
 #: Cosine of the inclination over that of the latitude from which both planes are one, to the east.
@@ -113,7 +113,7 @@ class Beginning(NamedTuple):
 def first_guesses(search: Search) -> Iterator[TrialFlight]:
     """Return the trial flights from which a search starts, by parking orbits first."""
     others = trials(search.arrays, search.start, search.floors)
-    near = (trial for trial in chain(trials_by_parking(search), others) if trial.miss < _FAR_OFF)
+    near = (trial for trial in chain(trials_by_parking(search), others) if trial.miss < _HOPELESS)
     return islice(near, _MOST_STARTS)
 
 
