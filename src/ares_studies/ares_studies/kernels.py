@@ -13,7 +13,7 @@ from ares_studies.arrays import Loop, LoopArrays
 from ares_vehicle_sim.kernels.commands import accept_command
 from ares_vehicle_sim.kernels.entry import vehicle_records
 from ares_vehicle_sim.kernels.navigation import measure
-from ares_vehicle_sim.kernels.plant import flight_step
+from ares_vehicle_sim.kernels.plant import flight_step, next_tick
 
 
 @inlined
@@ -46,7 +46,7 @@ def run(loop: Loop) -> int:
         guarded_step(loop.believed, loop.onboard, loop.memory)
         by_peg += loop.onboard.state.law == LAW_PEG
         accept_command(plant, loop.onboard.steering)
-        tick += 1
+        tick = next_tick(loop.true, loop.vehicle, tick)
         flight_step(loop.true, loop.vehicle, (start_ns + tick * period_ns) / 1e9)
         measure(loop.vehicle)
     return by_peg

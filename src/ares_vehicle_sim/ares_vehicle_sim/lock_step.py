@@ -251,7 +251,7 @@ class LockStep:
             self.simulator.withhold_jettison()
         except CommandRefused as error:
             self._refuse(f"{error}; withheld")
-        self.simulator.advance()
+        self.simulator.advance(each_period=self._values["pace"] > 0.0)
         if self._arrived is not None:
             # a command that arrived within the period takes effect at its end
             message, self._arrived = self._arrived, None

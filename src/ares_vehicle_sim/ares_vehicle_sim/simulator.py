@@ -17,7 +17,7 @@ from ares_models.units import NANOSECONDS
 from ares_vehicle_sim import arrays as layout
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
-from ares_vehicle_sim.kernels.entry import advance, begin, command, describe
+from ares_vehicle_sim.kernels.entry import advance, begin, command, describe, next_tick
 from ares_vehicle_sim.kernels.variation import vary
 
 #: Fields of a navigation state without its time.
@@ -323,9 +323,14 @@ class Simulator:
         """Return the mission elapsed time of a navigation state by its number, s."""
         return (self._start_ns + tick * self._period_ns) / NANOSECONDS
 
-    def advance(self) -> None:
-        """Fly to the next navigation state, or to the end of the flight."""
-        self._tick += 1
+    def advance(self, each_period: bool = False) -> None:
+        """Fly to the next navigation state, or to the end of the flight.
+
+        Args:
+            each_period: a navigation state each period in long coasts too.
+        """
+        ahead = self._tick + 1
+        self._tick = ahead if each_period else next_tick(self._mission, self._vehicle, self._tick)
         advance(self._mission, self._vehicle, self._time_at(self._tick))
 
     def new_events(self) -> NDArray[np.void]:

@@ -7,7 +7,7 @@ import pytest
 
 from ares_trials.testing.craft import Craft
 from ares_vehicle_sim import arrays as names
-from ares_vehicle_sim.kernels.entry import advance, command
+from ares_vehicle_sim.kernels.entry import advance, command, next_tick
 
 COAST_ARC, BURN_ARC = 1, 2
 
@@ -95,6 +95,22 @@ def test_a_plan_that_is_past_ends_the_arc_at_once():
     assert command(vehicle.mission, vehicle.carried, vehicle.steering)
     advance(vehicle.mission, vehicle.carried, 166.0)
     assert ends(vehicle) == pytest.approx([150.0, 165.0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("end", "ticks"),
+    [(math.nan, 1), (249.0, 1), (251.5, 10), (10_149.0, 10), (10_151.5, 100)],
+    ids=["not planned", "short", "long", "nearly very long", "very long"],
+)
+def test_navigation_states_are_further_apart_in_long_coasts(end, ticks):
+    vehicle = craft()
+    vehicle.steering["arc_end_times"][0, COAST_ARC] = end
+    vehicle.begin()
+    vehicle.carried.options["navigation_period"] = 0.1
+    advance(vehicle.mission, vehicle.carried, 149.0)
+    assert next_tick(vehicle.mission, vehicle.carried, 7) == 8
+    advance(vehicle.mission, vehicle.carried, 151.0)
+    assert next_tick(vehicle.mission, vehicle.carried, 7) == 7 + ticks
 
 
 def test_the_cut_off_is_that_of_the_last_arc():

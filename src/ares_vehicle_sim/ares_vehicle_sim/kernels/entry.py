@@ -38,6 +38,12 @@ def command(mission: MissionArrays, vehicle: VehicleArrays, steering: NDArray[An
 
 
 @kernel
+def next_tick(mission: MissionArrays, vehicle: VehicleArrays, tick: int) -> int:
+    """Return the number of the navigation state after state ``tick``."""
+    return kernels.next_tick(mission_records(mission), vehicle_records(vehicle), tick)
+
+
+@kernel
 def advance(mission: MissionArrays, vehicle: VehicleArrays, until: float) -> None:
     """Fly to ``until``, s, or to the end of the flight, and measure the navigation state."""
     carried = vehicle_records(vehicle)

@@ -71,6 +71,8 @@ from ares_vehicle_sim.kernels.motion import (
 SLEW_STEP = 0.02
 #: Largest number of integration steps between two navigation states.
 MOST_STEPS = 1e7
+#: Time to the next event, s, above which a coast has a navigation state only every 10 s, or 1 s.
+VERY_LONG_COAST, LONG_COAST = 10_000.0, 100.0
 #: Steps over a gust, and acceleration by which a climb may change before it, m/s2.
 GUST_STEPS = 16.0
 MOST_CLIMB_CHANGE = 50.0
@@ -346,6 +348,25 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
     if burnout < at and burnout < end - SAME_BURNOUT:
         at = burnout
     return at
+
+
+@kernel
+def next_tick(mission: MissionRecords, vehicle: Vehicle, tick: int) -> int:
+    """Return the number of the navigation state after state ``tick``: several on in long coasts.
+
+    Numbers count navigation periods, so that time stays proportional to them.
+    """
+    plant = vehicle.plant
+    arcs = mission.arcs
+    k = plant.arc
+    unplanned = math.isinf(arcs[k].duration) and math.isnan(plant.command.arc_end_times[k])
+    if plant.complete == 1 or arcs[k].kind == BURN or unplanned:
+        return tick + 1
+    left = next_event(plant, arcs, mission.jettisons) - plant.time
+    apart = 0.0
+    if left > LONG_COAST:
+        apart = 10.0 if left > VERY_LONG_COAST else 1.0
+    return tick + max(1, int(apart / vehicle.options.navigation_period + 0.5))
 
 
 @kernel
