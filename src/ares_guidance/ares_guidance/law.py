@@ -48,7 +48,7 @@ class LawKind:
         build: constructor of the law from arrays and settings; None: `Law`.
         trajectory_method: method of the optimizer that solves the trajectory without which the law
             cannot start; "": the navigation state is enough.
-        holds_attitude: it can aim burns in held attitude.
+        holds_attitude: it can aim burns in held attitude; the shared cycle does, by PEG.
         meets_place: it can meet a target that names both argument of perigee and true anomaly.
         flies_boost: kernel that answers in the air, with the arguments and result of
             `kernels.plans.programme.flies_programme`.
@@ -89,7 +89,7 @@ def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> 
     legs = specialised(
         "ares_guidance.kernels.plans.legs", f"of_{name}", guidance_step=cycle.guidance_step
     )
-    return LawKind(name, code, legs.step_by_legs)
+    return LawKind(name, code, legs.step_by_legs, holds_attitude=True)
 
 
 def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float, bool]]) -> LawKind:

@@ -117,7 +117,7 @@ class ArcPlan:
         needed = needs_plan(arcs, arrays.target[0], arrays.environment[0])
         record["made"] = free or bool(self.held) or not needed
         # a law that asked for it may solve for the whole burn
-        record["by_legs"] = self.by_legs and needed
+        record["by_legs"] = (self.by_legs and needed) or np.any(arcs["held"])
         ends = (arcs["kind"] == layout.BURN) & np.isinf(arcs["duration"])
         ends[list(self.depleted)] = False
         ends[list(self.held)] = True

@@ -112,6 +112,7 @@ def test_a_coast_that_ends_before_its_perigee_is_as_low_as_its_end(mission):
     assert lowest_coast(trajectory(orbit, 1000.0), arrays) == pytest.approx(end - GROUND, abs=0.1)
 
 
+@pytest.mark.trial
 def test_the_oblate_earth_bends_a_coast(mission):
     """Over a day in a low orbit the effect of J2 on the perigee counts."""
     arrays = mission.arrays()

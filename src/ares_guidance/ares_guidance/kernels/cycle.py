@@ -28,6 +28,7 @@ from ares_guidance.arrays import (
     Onboard,
 )
 from ares_guidance.kernels.laws.convergence import begin_again, seek
+from ares_guidance.kernels.laws.convergence import seek as seek_by_peg
 from ares_guidance.kernels.laws.near import (
     CHEAP_TURN,
     NEAR_ROUNDS,
@@ -202,6 +203,20 @@ def aim_anew(mission: MissionRecords, state: Record, aim: int) -> None:
 
 
 @kernel
+def seek_steering(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+    """Solve by the law, or by PEG up to the last burn in held attitude: other laws aim none.
+
+    Args: as in :func:`seek_lowered`.
+
+    Returns: as in :func:`seek_lowered`.
+    """
+    for k in range(onboard.navigation.arc, mission.arcs.shape[0]):
+        if mission.arcs[k].held == 1:
+            return seek_by_peg(mission, onboard, cold)
+    return seek(mission, onboard, cold)
+
+
+@kernel
 def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """Solve for the present aim, lowered by the delta-V that the propellant lacks.
 
@@ -215,7 +230,7 @@ def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple
     """
     state = onboard.state
     aimed = aimed_lower(mission, state)
-    error, reachable = seek(aimed, onboard, cold)
+    error, reachable = seek_steering(aimed, onboard, cold)
     for _ in range(ROUNDS):
         lacking = lacking_speed(state)
         if error != ERROR_NONE or not abs(lacking) > SETTLED:
@@ -227,7 +242,7 @@ def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple
             aim_anew(mission, state, state.aim)
         else:
             state.lowered += lower_target(state.target, mission.environment.mu, lacking)
-        error, reachable = seek(aimed, onboard, cold)
+        error, reachable = seek_steering(aimed, onboard, cold)
     return error, reachable
 
 
@@ -242,13 +257,13 @@ def seek_near(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
     state = onboard.state
     aimed = aimed_lower(mission, state)
     begin_near(mission, onboard)
-    error, reachable = seek(aimed, onboard, False)
+    error, reachable = seek_steering(aimed, onboard, False)
     for _ in range(NEAR_ROUNDS):
         if error != ERROR_NONE:
             break
         radius = norm(load(state.predicted_position))
         move_radius(state.target, mission.target, mission.environment.mu, radius)
-        error, reachable = seek(aimed, onboard, False)
+        error, reachable = seek_steering(aimed, onboard, False)
     return error, reachable
 
 

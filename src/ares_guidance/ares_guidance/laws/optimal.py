@@ -18,4 +18,11 @@ _WHOLE = specialised(
     step_by_legs=_LEGS.step_by_legs,
 )
 
-LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole, meets_place=True, flies_boost=flies_boost)
+LAW = LawKind(
+    "optimal",
+    LAW_OPTIMAL,
+    _WHOLE.step_whole,
+    holds_attitude=True,
+    meets_place=True,
+    flies_boost=flies_boost,
+)
