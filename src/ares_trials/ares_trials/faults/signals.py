@@ -154,8 +154,11 @@ def _runnable(pids: Sequence[int]) -> int:
     """Count the runnable threads of some processes."""
     count = 0
     for pid in pids:
-        for task in Path(f"/proc/{pid}/task").glob("[0-9]*"):
-            # the thread may have ended
+        tasks: list[Path] = []
+        # the process, or the thread, may have ended
+        with suppress(OSError):
+            tasks = sorted(Path(f"/proc/{pid}/task").iterdir())
+        for task in tasks:
             with suppress(OSError):
                 count += (task / "stat").read_text().rpartition(")")[2].split()[0] == "R"
     return count
