@@ -180,6 +180,7 @@ def test_one_wrong_bit_in_a_bag_of_an_older_version(old, tmp_path):
         check_flip(old, tmp_path, bit)
 
 
+@pytest.mark.trial
 def test_one_wrong_bit_in_the_reference_flight(reference, tmp_path):
     for bit in random.Random(8).sample(range(len(reference.data) * 8), 6):
         check_flip(reference, tmp_path, bit)

@@ -3,9 +3,12 @@
 
 import json
 
+import pytest
+
 from ares_trials.testing.pages import PLACE
 
 
+@pytest.mark.trial
 def test_flights_that_failed_stand_apart(read_file, page_of_many):
     assert page_of_many.stat().st_size < 4_000_000
     page = read_file(page_of_many, "wide", "light")

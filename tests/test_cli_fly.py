@@ -245,6 +245,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_a_failure_that_does_not_happen_is_said_without_a_recorder_too(ares, tmp_path, layout):
     (tmp_path / "m.yaml").write_text(yaml.safe_dump(short_burn()))
@@ -320,6 +321,7 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     assert open_bag(bag).message_count > 0
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
     """Interrupt: the recorder writes its queue, which may take as long as the flight would."""

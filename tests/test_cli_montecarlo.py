@@ -151,6 +151,7 @@ def test_a_law_that_does_not_arrive_is_refused_before_the_first_flight(ares, tmp
     assert flown.stderr.partition("(")[0] == done.stderr.partition("(")[0]
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("end", one_in(2, [signal.SIGINT, signal.SIGKILL]))
 def test_an_interrupted_campaign_goes_on(ares, tmp_path, end):
     folder = tmp_path / "c"

@@ -211,6 +211,7 @@ def test_a_coast_of_many_hours_is_told(ares_v_solved):
     assert told == {"longest coast": "33.8 h; max_s of a free coast bounds its length"}
 
 
+@pytest.mark.trial
 def test_the_greatest_dynamic_pressure_is_told(capsys):
     assert main(["optimize", "--mission", "delta_iii_pad"]) == 0
     out = capsys.readouterr().out
@@ -229,6 +230,7 @@ def test_the_greatest_dynamic_pressure_is_told(capsys):
     assert np.linalg.norm(relative) == pytest.approx(speed, rel=0.01)
 
 
+@pytest.mark.trial
 def test_a_dynamic_pressure_that_no_launcher_has_is_warned_of(capsys, monkeypatch):
     words = ("optimize", "--json", "--mission", "delta_iii_pad")
     main(words)
@@ -240,6 +242,7 @@ def test_a_dynamic_pressure_that_no_launcher_has_is_warned_of(capsys, monkeypatc
     )
 
 
+@pytest.mark.trial
 def test_the_wind_of_the_plan_is_told(tmp_path, capsys):
     text = MISSION.find("delta_iii_pad").read_text()
     table = "wind_table: [[0.0, 3.0, 4.0], [12000.0, -40.0, 30.0]]"

@@ -252,6 +252,7 @@ def test_node_becomes_the_node(ros_environment):
     assert "parameter pace is 'fast'" in one_line(own_words(done.stderr))
 
 
+@pytest.mark.trial
 def test_a_reader_that_goes_away_is_no_traceback():
     command = f"{sys.executable} -m ares_bringup missions | true"
     done = subprocess.run(

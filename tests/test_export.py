@@ -308,6 +308,7 @@ def test_the_file_is_in_the_bag_unless_another_is_named(tmp_path, capfd):
     assert names == {"flight.csv", "events.parquet", "flight.kml", "flight.czml"}
 
 
+@pytest.mark.trial
 def test_a_damaged_bag_is_written_and_said(tmp_path, capfd):
     bag = tmp_path / "damaged"
     shutil.copytree(REFERENCE, bag)

@@ -33,11 +33,11 @@ CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=17411
 @pytest.mark.parametrize(
     "name",
     [
-        "commands delayed, to 10 %, to 1 s",
         "signal to fly",
         *(
             pytest.param(name, marks=pytest.mark.trial)
             for name in (
+                "commands delayed, to 10 %, to 1 s",
                 # so does the test of the verdicts
                 "guidance killed",
                 "forged, no key: the flight is complete",
@@ -170,6 +170,7 @@ def test_rows_are_chosen_by_word_and_taken_in_turn(capsys):
     )
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(
     ("number", "status"), one_in(2, [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 )

@@ -69,6 +69,7 @@ def refused(capfd, *words):
 # ---- in a browser
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(("which", "count"), one_in(2, [("page_of_two", 23), ("page_of_one", 21)]))
 def test_every_figure_has_all_its_lines(read_file, request, which, count):
     figures = read_file(request.getfixturevalue(which), "wide", "light").evaluate(FIGURES)
@@ -124,6 +125,7 @@ def test_a_zoom_of_one_chart_is_a_zoom_of_all(read_file, page_of_one):
     page.wait_for_function(f"(before) => String({ranges}) === String(before)", arg=before)
 
 
+@pytest.mark.trial
 def test_charts_in_the_air_have_a_time_of_their_own(open_file, from_the_pad, tmp_path, capfd):
     out = tmp_path / "page.html"
     assert run(capfd, from_the_pad / "bag", "--out", out)[0] == 0
@@ -196,6 +198,7 @@ def test_the_wheel_scrolls_the_page_until_the_pointer_comes_to_the_globe(read_fi
     assert page.evaluate("globe.view.zoom === globe.home.zoom")
 
 
+@pytest.mark.trial
 def test_land_is_land_from_wherever_it_is_seen(browser, page_of_one):
     # not by `open_file`: the browser remarks that a canvas is read so often
     page = browser.new_page(color_scheme="light")
@@ -395,6 +398,7 @@ def test_a_mission_that_is_gone_is_one_line(tmp_path, capfd):
     assert "ares_w" in refused(capfd, bag)
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(
     ("kept", "verdict"),
     [
@@ -444,6 +448,7 @@ def test_a_damaged_bag_is_no_success(tmp_path, capfd):
     assert err == f"ares: {' '.join(flight.missing.split())}\n"
 
 
+@pytest.mark.trial
 def test_a_bag_by_the_wall_clock_of_another_namespace(tmp_path, capfd):
     """Report on a bag of `ros2 bag record`, which does not name its mission."""
     ours = open_bag(REFERENCE)
@@ -478,6 +483,7 @@ def test_the_verdict_is_that_of_the_flight():
     assert not summary.lost_messages
 
 
+@pytest.mark.trial
 def test_a_page_is_made_without_what_takes_long_to_import(tmp_path):
     code = (
         "import sys; from ares_bringup.commands.cli import main; "

@@ -65,6 +65,7 @@ def simulator_of(custom: Mapping[str, str]) -> dict[str, object]:
     return told
 
 
+@pytest.mark.trial
 def test_a_bag_is_read_where_its_files_are_not(ares, flight, tmp_path):
     mission, bag = flight
     told = simulator_of(open_bag(bag).custom_data)
@@ -125,6 +126,7 @@ def test_a_mission_that_is_given_counts(ares, flight, tmp_path):
     assert f"\n{line}\n" in done.stdout
 
 
+@pytest.mark.trial
 def test_an_old_bag_is_read_by_name_or_as_told(ares, flight, tmp_path):
     mission, bag = flight
     old = rewrite(bag, tmp_path / "old", lambda custom: custom.pop(SIMULATOR_KEY))

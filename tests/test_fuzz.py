@@ -266,6 +266,7 @@ def test_a_bag_whose_metadata_is_a_bomb_is_damaged(tmp_path: Path) -> None:
         open_bag(bag)
 
 
+@pytest.mark.trial
 def test_a_repair_counts_what_it_saves_not_what_it_leaves_out(tmp_path: Path) -> None:
     target = ForgedBags()
     with target:
@@ -560,6 +561,7 @@ def test_an_end_that_is_no_state_is_judged_and_is_no_success(
     json.dumps(to_json(summary), allow_nan=False)
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(
     ("topic", "value"),
     # each topic and each value once

@@ -329,6 +329,7 @@ def test_a_flight_in_one_process_tells_what_was_missed_and_why_there_is_no_repor
         assert page.locator("#to-report").is_hidden()
 
 
+@pytest.mark.trial
 def test_an_interrupted_flight_says_so(flown, opened):
     flight = flown(*SLOWLY, "--no-record")
     page = opened(flight.url)
@@ -345,6 +346,7 @@ def drain(terminal):
             pass
 
 
+@pytest.mark.trial
 @pytest.mark.long
 def test_a_person_gets_the_page_opened_and_finds_the_report_there_in_the_end(tmp_path, browser):
     """Fly at a terminal with a display; the browser is a script that records the address."""

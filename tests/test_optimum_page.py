@@ -3,6 +3,7 @@
 
 import json
 import re
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -88,24 +89,10 @@ def test_a_flight_lies_over_it_with_the_differences(beside):
     assert [line["name"] for line in figure(beside, "Time to go")["series"]] == ["flown, peg"]
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(
     ("which", "size", "theme"),
-    [
-        ("beside", "narrow", "dark"),
-        *(
-            pytest.param(*three, marks=pytest.mark.trial)
-            for three in (
-                # the page of the test below is of the same kind
-                ("transfer", "wide", "light"),
-                ("transfer", "wide", "dark"),
-                ("transfer", "narrow", "light"),
-                ("transfer", "narrow", "dark"),
-                ("beside", "wide", "light"),
-                ("beside", "wide", "dark"),
-                ("beside", "narrow", "light"),
-            )
-        ),
-    ],
+    list(product(("transfer", "beside"), ("wide", "narrow"), ("light", "dark"))),
 )
 def test_it_can_be_read(open_file, request, which, size, theme):
     page = open_file(request.getfixturevalue(which), size, theme)

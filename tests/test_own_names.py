@@ -35,6 +35,7 @@ def heard(graph):
     return found
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("way", one_in(2, [["--in-process"], []]), ids=["one process", "processes"])
 def test_each_has_names_and_frames_of_its_own(graph, heard, ros_environment, tmp_path, way):
     # the cover stays on, which is reported

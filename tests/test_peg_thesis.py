@@ -111,6 +111,7 @@ def test_a_mission_of_another_kind_leaves_the_node_unconfigured(graph):
 LAW = ("--mission", "ares_v", "--guidance", "peg_thesis")
 
 
+@pytest.mark.trial
 def test_the_command_alone_just_works(ares):
     done = ares("fly", *LAW, "--json", "--no-record", "--nav-period", "1")
     assert done.returncode == 0, done.stderr

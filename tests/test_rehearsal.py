@@ -42,6 +42,7 @@ def test_a_mission_that_needs_no_plan_is_not_flown_ahead():
     assert rehearse({"mission": "ares_v"}) == ""
 
 
+@pytest.mark.trial
 def test_a_law_that_arrives_with_what_is_planned_is_no_matter():
     assert rehearse(parameters("atlas401_gto", "peg")) == ""
 
@@ -66,6 +67,7 @@ def test_a_loss_is_told_before_anything_starts(monkeypatch):
     assert lost == pytest.approx(100.0 * (1.0 - flown / planned), abs=0.006)
 
 
+@pytest.mark.trial
 def test_an_implausible_dynamic_pressure_is_told_before_anything_starts(monkeypatch):
     mission = {"mission": "electron_sso_pad", "law": "optimal"}
     assert "kPa" not in rehearse(mission)
@@ -98,6 +100,7 @@ def test_a_command_that_the_vehicle_refuses_is_told_with_its_reason(monkeypatch)
         rehearse(parameters("atlas401_gto", "peg"))
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("law", one_in(2, ["peg", "igm"]))
 def test_the_shipped_mission_that_one_law_alone_flies(law):
     """Check the statement in docs/missions.md."""
@@ -162,6 +165,7 @@ def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
     assert not bag.exists()
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("law", one_in(3, ["peg", "igm", "optimal"]))
 def test_a_last_burn_too_short_to_mend_the_place_meets_the_orbit(law):
     """Fly a last burn of 0.2 s, after a coast of more than an hour."""

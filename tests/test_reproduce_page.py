@@ -38,6 +38,7 @@ def read_on_a_phone(read_page):
     return read_page("narrow", "light", has_touch=True, is_mobile=True)
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("size", SIZES)
 def test_the_figures_show_what_the_file_holds(read_page, report, size):
     page = read_page(size, "light") if size == "wide" else read_on_a_phone(read_page)

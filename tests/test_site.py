@@ -46,6 +46,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.trial
 def test_every_document_is_a_page(site: Path) -> None:
     documents = {path.stem for path in ROOT.glob("docs/*.md")}
     assert len(documents) > 10

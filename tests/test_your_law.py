@@ -51,6 +51,7 @@ def ares(environment, *words):
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.trial
 @pytest.mark.long
 @pytest.mark.parametrize("layout", one_in(2, [["--in-process"], []]))
 def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):

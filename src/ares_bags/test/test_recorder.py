@@ -505,6 +505,7 @@ def test_a_bag_without_some_states_is_called_incomplete(
     assert custom_data["incomplete"] == f"{missing} messages did not arrive"
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(("sent", "whole"), [(10, True), (8, False)])
 def test_the_simulator_says_how_many_states_there_were(
     source: Source, recorders: Any, tmp_path: Path, sent: int, whole: bool
@@ -550,6 +551,7 @@ def test_a_flight_that_is_refused_leaves_no_bag(
     simulator.close()
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize(("sent", "whole"), [(4, True), (3, False)])
 def test_guidance_says_how_many_statuses_there_were(
     source: Source, recorders: Any, tmp_path: Path, sent: int, whole: bool

@@ -320,6 +320,7 @@ def run(environment: dict[str, str], call: str) -> "subprocess.Popen[str]":
     )
 
 
+@pytest.mark.trial
 def test_as_a_process(
     executor: Executor, listener: Node, ros_environment: dict[str, str], tmp_path: Path
 ) -> None:

@@ -201,12 +201,14 @@ def interrupted(tmp_path, text, number, *arguments):
     return process.returncode, out, err
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("number", EITHER)
 def test_in_a_kernel(tmp_path, number):
     status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "main")
     assert (status, out, err) == (128 + number, "", "ares: interrupted; nothing was written\n")
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("number", EITHER)
 def test_while_threads_are_in_kernels(tmp_path, number):
     """End although the interpreter would wait for its threads forever."""

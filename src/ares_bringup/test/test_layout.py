@@ -119,6 +119,7 @@ def test_recorder_killed_in_flight(flight):
     assert said == [line + "`ares bag repair` saves what was written"]
 
 
+@pytest.mark.trial
 def test_recorder_that_ends_with_a_complaint(flight):
     summary, _ = flight(recorder="exit1")
     assert summary.exit_code == 1
@@ -139,6 +140,7 @@ def test_a_node_that_hears_no_signal_is_killed(flight, monkeypatch):
     assert summary.shortcomings() == ["guidance did not end within 3 s: killed"]
 
 
+@pytest.mark.trial
 def test_an_interrupted_flight_does_not_wait_for_a_node_that_hears_no_signal(
     flight, tmp_path, monkeypatch
 ):
@@ -167,6 +169,7 @@ def test_a_flight_without_news_is_given_up(flight, monkeypatch):
     assert "nothing heard for 1 s: given up" in summary.shortcomings()
 
 
+@pytest.mark.trial
 def test_a_coast_longer_than_the_silence_allowed_is_flown(flight, monkeypatch):
     monkeypatch.setattr(watch, "STALL_TIMEOUT", 2.0)
     summary, said = flight(vehicle_sim="coast", guidance="quiet")
@@ -174,6 +177,7 @@ def test_a_coast_longer_than_the_silence_allowed_is_flown(flight, monkeypatch):
     assert summary.wall_s > 5.0
 
 
+@pytest.mark.trial
 def test_a_simulator_whose_time_stands_is_given_up(flight, monkeypatch):
     monkeypatch.setattr(watch, "STALL_TIMEOUT", 1.0)
     summary, _ = flight(vehicle_sim="stand", guidance="quiet")

@@ -103,6 +103,7 @@ print(specialised("ares_template_of_a_test", "{0}_again", part=of("{0}")).whole(
 """
 
 
+@pytest.mark.trial
 def test_a_specialised_module_is_compiled_and_kept_apart(tmp_path):
     template = """
 from ares_models.jit import kernel
@@ -183,6 +184,7 @@ print(twice(3))
 """
 
 
+@pytest.mark.trial
 def test_a_kernel_loaded_from_the_cache_may_call_one_that_makes_arrays(tmp_path):
     for _ in range(2):
         done = run_kernels(ALLOCATES, tmp_path)

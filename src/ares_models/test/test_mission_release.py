@@ -249,6 +249,7 @@ def test_a_rail_excludes_what_else_holds_the_vehicle():
         on_rail(change=lambda data: data["stages"][0].update(vertical_rise_s=3.0))
 
 
+@pytest.mark.trial
 def test_a_vehicle_that_its_engine_does_not_lift_never_leaves_its_rail():
     def weak(data):
         data["stages"][0]["thrust_n"] *= 0.5

@@ -72,6 +72,7 @@ def test_costates_follow_the_gradient_of_the_hamiltonian(
     assert here.p == pytest.approx(Q - by_v, abs=accuracy * np.abs(Q - by_v).max())
 
 
+@pytest.mark.trial
 def test_the_two_point_problem_in_the_air_has_the_published_optimum() -> None:
     mission = load_mission("delta_iii_pad")
     arrays, start = mission.arrays(), mission.start().navigation()
@@ -92,6 +93,7 @@ def test_the_two_point_problem_in_the_air_has_the_published_optimum() -> None:
     assert primer == pytest.approx(end[6:9], abs=1e-5)
 
 
+@pytest.mark.trial
 def test_a_tail_off_is_flown_above_the_air() -> None:
     mission = load_mission("saturn_v_as506_pad")
     arrays, start = mission.arrays(), mission.start().navigation()

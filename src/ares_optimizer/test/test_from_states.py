@@ -188,6 +188,7 @@ class TestRival:
         solution = solve(ares_v.mission, "indirect")
         assert solution.notes["direct11_m_f_kg"] == pytest.approx(174_183.08, abs=0.05)
 
+    @pytest.mark.trial
     def test_leads_a_failed_search(self, ares_v):
         """Give a failed indirect search the guess of its rival."""
         start = ares_v.mission.start().navigation()

@@ -293,6 +293,7 @@ def test_equatorial_target_needs_two_rows_for_its_plane():
     assert np.all(np.isfinite(gradient[:5]))
 
 
+@pytest.mark.trial
 def test_reduced_hessian_is_that_of_the_lagrangian():
     # along a direction of the null space, against second differences of the Lagrangian
     mission = load_mission("ares_v")

@@ -162,6 +162,7 @@ def test_a_plan_that_is_cool_anyway_is_the_optimum_of_the_limit_along_the_way():
     assert by_name(held, "heating from the jettison on").satisfied
 
 
+@pytest.mark.trial
 def test_a_plan_that_heats_up_along_its_coast_is_not_called_infeasible():
     arrays, start = with_parking_perigee(120e3)
     solution = solve(arrays, "auto", state=start, heating="from_jettison")

@@ -499,6 +499,7 @@ def test_collocation_saves_what_the_last_stage_with_a_free_burn_takes(solved):
     assert not saved.active
 
 
+@pytest.mark.trial
 def test_a_flight_in_which_no_burn_is_free_is_no_optimum():
     arrays = mission(KICK).arrays()
     # longer than the shortest, to have excess energy

@@ -34,13 +34,17 @@ def with_long_coast(seconds):
     return arrays, mission.start().navigation()
 
 
+#: Methods that take long for a coast of this length.
+SLOW = {("collocation", 1e5), ("auto", 1e5)}
+
+
 @pytest.mark.parametrize(
     ("method", "seconds"),
     [
-        # auto tries collocation, and each takes 5 s
+        # auto tries collocation, and each takes 5 s or more
         pytest.param(
             *each,
-            marks=[] if each[1] in (1e5, 1e300) and each != ("collocation", 1e5) else [ALSO],
+            marks=[] if each[1] in (1e5, 1e300) and each not in SLOW else [ALSO],
         )
         for each in product(METHODS, (1e5, 1e300, 4e3, 4e4, 1e9))
     ],
@@ -60,6 +64,7 @@ def test_a_coast_of_any_length_is_answered(method, seconds):
     assert "\n" not in solution.reason
 
 
+@pytest.mark.trial
 def test_a_flight_through_the_centre_is_answered():
     """Replay an IndexError: the proof had no states beyond the centre."""
     mission = load_mission("falcon9_gto")

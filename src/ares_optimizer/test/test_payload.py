@@ -104,6 +104,7 @@ def test_a_payload_beyond_which_no_flight_is_found_comes_with_what_it_leaves(
     assert greatest.left_kg == pytest.approx(0.8 * (900.0 - greatest.payload_kg))
 
 
+@pytest.mark.trial
 def test_a_search_that_runs_out_of_time_keeps_what_it_has_and_proves_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

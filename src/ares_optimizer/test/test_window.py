@@ -40,6 +40,7 @@ def test_each_launch_beside_the_best_costs_more() -> None:
     assert costs[-1] > 15.0
 
 
+@pytest.mark.trial
 def test_best_time_is_right_to_its_accuracy(station: Window) -> None:
     beside = [
         solve(launched_later(station.best.mission, seconds), "auto").m_f_kg

@@ -264,6 +264,7 @@ def test_a_plan_of_arcs_has_no_map():
 # ---- from the pad
 
 
+@pytest.mark.trial
 def test_failures_from_the_pad_begin_at_lift_off(from_pad):
     for row in from_pad.rows[:2]:
         assert [point.at_s for point in row.points] == [450.0 * k for k in range(3)]

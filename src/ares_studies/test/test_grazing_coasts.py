@@ -99,6 +99,7 @@ def plan(floor):
     return solve(dipping(floor), "auto", verify=False)
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("floor", one_in(3, FLOORS))
 def test_the_plan_touches_its_floor(floor):
     arrays = dipping(floor).arrays()

@@ -32,6 +32,7 @@ def test_weak_engines_do_not_reach_the_orbit():
     assert str(found).startswith("out of reach: ")
 
 
+@pytest.mark.trial
 def test_a_flight_through_wind_is_asked_about_too():
     mission = load_mission("delta_iii_pad")
     pad = Settings(mission, load_dispersions("standard", mission), law="optimal")

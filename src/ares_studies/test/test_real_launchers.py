@@ -26,7 +26,6 @@ ALSO = pytest.mark.trial
 #: One or two by each law; `make trials` flies every launcher by each.
 SOME = {
     ("ariane5_eca", "peg"),
-    ("vulcan_gto", "peg"),
     ("electron_sso", "igm"),
     ("falcon9_gto", "optimal"),
 }

@@ -115,6 +115,7 @@ def test_both_themes_name_the_same_colours():
     assert set(PALETTES["light"]) == set(PALETTES["dark"])
 
 
+@pytest.mark.trial
 def test_progress_names_every_part(report, progress):
     assert report.chapters
     assert progress == parts()
