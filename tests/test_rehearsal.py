@@ -49,8 +49,8 @@ def test_a_law_that_arrives_with_what_is_planned_is_no_matter():
 
 def test_a_law_that_cannot_fly_a_mission_is_told_before_a_plan_is_searched(monkeypatch):
     monkeypatch.setattr("ares_studies.closed_loop.plan_solution", None)
-    with pytest.raises(CannotStart, match=r"law is 'igm'; expected peg, .* as arc \d+ \("):
-        rehearse({"mission": str(FROM_PADS / "black_arrow_pad.yaml"), "law": "igm"})
+    with pytest.raises(CannotStart, match=r"law is 'peg_thesis'; expected .* \("):
+        rehearse({"mission": str(FROM_PADS / "black_arrow_pad.yaml"), "law": "peg_thesis"})
 
 
 def test_a_loss_is_told_before_anything_starts(monkeypatch):

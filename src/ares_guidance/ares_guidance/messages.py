@@ -25,7 +25,7 @@ from ares_models.mission import MISSION, Mission, list_missions
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
-from ares_node.diagnostics import FINAL_MASS_KG, LOWEST_COAST_M
+from ares_node.diagnostics import FINAL_MASS_KG, LOWEST_COAST_M, Level
 from ares_node.identity import MISSION_DIGEST
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
@@ -234,12 +234,17 @@ class Answers:
             return int(GuidanceStatus.NONE)
         return error
 
-    def fallback_text(self) -> str:
-        """Return why PEG flies in place of the law, in one line."""
+    def fallback_report(self) -> tuple[Level, str]:
+        """Return the level and the line that says why PEG flies in place of the law."""
         nav, time_to_go = self._nav[0], float(self.law.state["solution"]["time_to_go"])
+        end = int(self.law.state["leg"]["count"]) or len(self.arrays.arcs)
+        held = np.flatnonzero(self.arrays.arcs["held"][:end])
+        if len(held) and held[-1] >= nav["arc"]:
+            text = f"arc {held[-1]} is flown in held attitude: peg steers up to it"
+            return Level.OK, text
         mu, radius = float(self.arrays.environment["mu"][0]), float(np.linalg.norm(nav["position"]))
         angle = math.degrees(math.sqrt(mu / radius**3) * time_to_go)
-        return (
+        return Level.WARN, (
             f"law {self.law.kind.name} has no solution for the burn ahead, {time_to_go:.0f} s over "
             f"{angle:.0f} deg of the orbit: peg flies it"
         )

@@ -514,7 +514,7 @@ class GuidanceNode(FlightNode):
             level, text = (
                 (Level.OK, f"solution of law {kind.name} again")
                 if solved
-                else (Level.WARN, self._answers.fallback_text())
+                else self._answers.fallback_report()
             )
             self.diagnostics.report(level, text, now)
         without = self._answers.jettison_after_cutoff
