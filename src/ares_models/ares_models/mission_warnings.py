@@ -226,13 +226,21 @@ def _loads(mission: "Mission") -> Iterator[Doubt]:
             yield Doubt(path, f"is {mass:,.6g} kg of {whole:,.6g} kg at the start; is it in kg?")
 
 
+def _thrust_at_begin(arc: BurnArc) -> float:
+    """Return the largest thrust in the first second of a burn, N; that of a table may come late."""
+    if arc.thrust_table is None:
+        return arc.full_thrust_n
+    times, thrusts = zip(*arc.thrust_table, strict=True)
+    return float(np.interp(np.linspace(0.0, 1.0, 11), times, thrusts).max())
+
+
 def _boosters(mission: "Mission", i: int) -> Iterator[Doubt]:
     """Tell of boosters whose thrust looks like that of all of them, or whose Isp is none."""
     stage, g0 = mission.stages[i], mission.environment.g0_m_s2
     mass = mission.ignition_mass(i)
     lit = [booster for booster in stage.boosters if booster.ignition_s == 0.0]
     first = stage.flight_arcs[0]
-    thrust = first.full_thrust_n if isinstance(first, BurnArc) else 0.0
+    thrust = _thrust_at_begin(first) if isinstance(first, BurnArc) else 0.0
     thrust += sum(float(booster.thrust(g0)[1].max()) for booster in lit)
     for k, booster in enumerate(stage.boosters):
         path, count = ("stages", i, "boosters", k), booster.count

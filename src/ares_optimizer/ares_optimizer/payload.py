@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.plan import with_more_propellant
+from ares_optimizer.plan import saving_stage, with_more_propellant
 from ares_optimizer.solution import Check, OptimizerError, Solution, Status
 from ares_optimizer.solve import solve
 
@@ -20,6 +22,8 @@ _BEYOND = 1.25
 #: Tolerance of the propellant left at the greatest payload, kg, and relative.
 _LEFT_KG = 1e-3
 _LEFT = 1e-6
+#: Tolerance of equal times, s.
+_SAME_S = 1e-6
 #: Propellant of the last burn, kg, below which the burns before it give too much.
 _NOTHING_KG = 1.0
 
@@ -34,7 +38,7 @@ class Greatest(NamedTuple):
     Attributes:
         mission: with the payload.
         payload_kg: the payload.
-        solution: the flight that uses all propellant of the last stage, within the tolerance, or
+        solution: the flight that uses all propellant of the saving stage, within the tolerance, or
             the last one found.
         left_kg: propellant beyond that tolerance, where no flight is found with more payload. If
             it was the time limit that ended the search for one, the flight is feasible at most.
@@ -46,28 +50,42 @@ class Greatest(NamedTuple):
     left_kg: float = 0.0
 
 
-def check_last_burn(mission: Mission) -> None:
-    """Report a last burn that no propellant can be left of.
+def stage_with_margin(mission: Mission) -> int:
+    """Return the stage whose propellant left is the margin: the last one with a free burn.
 
     Raises:
-        OptimizerError: it is not free; one line.
+        OptimizerError: no burn is free; one line.
     """
-    if not math.isinf(mission.arrays().arcs[-1]["duration"]):
-        last = mission.stages[-1].name
-        raise OptimizerError(
-            f"the last burn of stage {last} has a fixed length; expected burn_time_s: free"
-        )
+    stage = saving_stage(mission.arrays(), mission.start().navigation()[0])
+    if stage < 0:
+        raise OptimizerError("all burns have fixed lengths; expected one with burn_time_s: free")
+    return stage
+
+
+def _left(mission: Mission, stage: int, found: Solution) -> float:
+    """Return the propellant that a flight leaves in a stage, kg; negative: shortfall."""
+    arrays = mission.arrays()
+    k = int(np.flatnonzero(arrays.arcs["stage"] == stage)[-1])
+    arc, dropped = arrays.arcs[k], mission.jettison_mass(stage)
+    end_kg = found.m_f_kg
+    if k + 1 < len(arrays.arcs):
+        end_s = next(flown.end_s for flown in found.flown if flown.arc == k)
+        end_kg = next(piece.end_mass_kg for piece in found.arcs if piece.end_s >= end_s - _SAME_S)
+        times = zip(arrays.jettisons, found.jettison_times_s, strict=True)
+        dropped = sum(j["mass"] for j, t in times if j["stage"] == stage and t <= end_s)
+    return float(arc["propellant"] - (arc["stack_mass"] - dropped - end_kg))
 
 
 def _with_any_propellant(
     mission: Mission, deadline: Deadline, guess: Solution | None = None, verify: bool = False
 ) -> Solution:
-    """Solve a mission whose last stage is nearly all propellant."""
+    """Solve a mission whose saving stage is nearly all propellant."""
+    start = mission.start().navigation()
     return solve(
-        with_more_propellant(mission.arrays()),
+        with_more_propellant(mission.arrays(), start[0]),
         "auto",
         guess=guess,
-        state=mission.start().navigation(),
+        state=start,
         heating=mission.heating_limit_holds,
         deadline=deadline,
         verify=verify,
@@ -89,24 +107,20 @@ class PropellantMargin:
         self.out_of_time = False
 
     def of(self, mission: Mission) -> float:
-        """Return the propellant left in the last stage by the best flight, kg; negative: shortfall.
+        """Return the propellant left at the end by the best flight, kg; negative: shortfall.
 
         Raises:
             NoFlight: no flight is found with any propellant.
         """
-        arcs = mission.arrays().arcs
-        usable = float(arcs[-1]["propellant"])
-        stack = float(arcs["stack_mass"][arcs["stage"] == arcs[-1]["stage"]][0])
         found = _with_any_propellant(mission, self._deadline(), self.known)
         if not found.flyable and found.last_burn_kg < _NOTHING_KG:
             # the burns before it reach the target, if not to the last metre: it takes more
-            return usable
+            return float(mission.arrays().arcs[-1]["propellant"])
         if not found.flyable:
             self.out_of_time |= found.status is Status.TIME_LIMIT
             raise NoFlight(found.reason)
         self.known = found
-        dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
-        return usable - (stack - dropped - found.m_f_kg)
+        return _left(mission, stage_with_margin(mission), found)
 
 
 def _flown(
@@ -142,7 +156,7 @@ def greatest_payload(
     report: Callable[[Progress], None] = lambda _progress: None,
     better: Callable[[float, float], None] = lambda _payload_kg, _left_kg: None,
 ) -> Greatest:
-    """Find the payload at which the last stage is depleted as it reaches the target.
+    """Find the payload at which the last stage with a free burn is depleted, on target.
 
     The propellant left, negative for a shortfall, falls with the payload; its zero is found by
     regula falsi (Illinois), from the payload of the file on. Where no flight is found with a
@@ -155,13 +169,13 @@ def greatest_payload(
         better: called with each greater payload that flies and the propellant that it leaves, kg.
 
     Raises:
-        OptimizerError: masses are not by item, the last burn is not free, or no flight is found;
-            one line.
+        OptimizerError: masses are not by item, no burn is free, or no flight is found; one line.
     """
     if mission.payload_kg is None:
         raise OptimizerError("payload_kg is missing; expected masses by item to maximize it")
-    check_last_burn(mission)
+    stage = stage_with_margin(mission)
     arcs = mission.arrays().arcs
+    usable = float(arcs["propellant"][arcs["stage"] == stage][-1])
 
     def deadline() -> Deadline:
         return Deadline(time_limit_s, report)
@@ -174,9 +188,10 @@ def greatest_payload(
         low, left_low = _flown(mission, 0.0, 0.0, margin)
         if not left_low >= 0.0:
             raise OptimizerError(
-                f"payload_kg: the last stage lacks {-left_low:,.1f} kg of propellant without any"
+                f"payload_kg: stage {mission.stages[stage].name} lacks {-left_low:,.1f} kg of "
+                "propellant without any"
             )
-    enough = _LEFT_KG + _LEFT * float(arcs[-1]["propellant"])
+    enough = _LEFT_KG + _LEFT * usable
     for _ in range(_TRIALS):
         better(low, left_low)
         if left_low <= enough:
@@ -202,11 +217,12 @@ def greatest_payload(
     if not found.flyable:
         # with no propellant to spare other first guesses count: the flight of the search has enough
         found = _with_any_propellant(best, deadline(), margin.known, verify=True)
+        last = stage == int(arcs[-1]["stage"])
         found = replace(
             found,
             constraints=tuple(
-                replace(check, limit=float(arcs[-1]["propellant"]), active=True)
-                if check.key is Check.PROPELLANT
+                replace(check, limit=usable, active=True)
+                if check.key is (Check.PROPELLANT if last else Check.SAVED_PROPELLANT)
                 else check
                 for check in found.constraints
             ),

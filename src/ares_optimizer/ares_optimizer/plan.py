@@ -108,16 +108,21 @@ def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> Missio
     return arrays._replace(arcs=arcs)
 
 
-def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
-    """Return the mission with a last stage that is nearly all propellant.
+def with_more_propellant(arrays: MissionArrays, start: Record) -> MissionArrays:
+    """Return the mission with a saving stage, or else a last one, that is nearly all propellant.
 
-    A flight is found in it faster. The one of greatest final mass takes the least propellant: it is
-    that of the mission if it takes no more than there is.
+    A flight is found in it faster. The one of greatest mass takes the least propellant: it is that
+    of the mission if it takes no more than there is.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
     """
     arcs = arrays.arcs.copy()
-    last = arcs["stage"] == arcs[-1]["stage"]
-    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
-    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
+    stage = saving_stage(arrays, start)
+    more = arcs["stage"] == (stage if stage >= 0 else arcs[-1]["stage"])
+    most = _MOST_PROPELLANT * float(arcs["stack_mass"][more][0])
+    arcs["propellant"][more] = max(float(arcs["propellant"][more][-1]), most)
     return arrays._replace(arcs=arcs)
 
 

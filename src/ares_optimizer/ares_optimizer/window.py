@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline, Progress
-from ares_optimizer.payload import NoFlight, PropellantMargin, check_last_burn
+from ares_optimizer.payload import NoFlight, PropellantMargin, stage_with_margin
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
@@ -85,10 +85,10 @@ def launch_window(
         report: see :class:`ares_optimizer.deadline.Deadline`.
 
     Raises:
-        OptimizerError: launch time or plane do not matter, the last burn is not free, or no flight
-            is found at the best time; one line.
+        OptimizerError: launch time or plane do not matter, no burn is free, or no flight is
+            found at the best time; one line.
     """
-    check_last_burn(mission)
+    stage_with_margin(mission)
     passage = _passage(mission)
 
     def deadline() -> Deadline:

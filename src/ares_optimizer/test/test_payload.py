@@ -2,6 +2,7 @@
 """Test the greatest payload for a target."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -19,6 +20,8 @@ from ares_optimizer.solution import (
     failed,
 )
 from ares_optimizer.solve import solve
+
+KICK = Path(__file__).parent / "missions" / "solid_kick.yaml"
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,45 @@ def test_the_last_stage_just_runs_dry_with_the_greatest_payload() -> None:
     beyond = solve(more, "auto")
     assert beyond.status is Status.INFEASIBLE
     assert "propellant of the last stage" in beyond.reason
+
+
+#: Masses by item of `solid_kick`, whose last stage is a solid that burns whole.
+BY_ITEM = {
+    "ignition_mass_kg: 9100.0": "dry_mass_kg: 1329.0\n    propellant_kg: 4371.0",
+    "ignition_mass_kg: 3400.0": "dry_mass_kg: 300.0",
+    "ignition_mass_kg: 600.0": "dry_mass_kg: 130.0\n    propellant_kg: 320.0",
+    "environment:": "payload_kg: 150.0\nenvironment:",
+    "burn_time_s: 40.0": "burn_time_s: depletion",
+    "burn_time_s: 60.0": "burn_time_s: depletion",
+}
+
+
+def kick_by_item(payload_kg: float) -> Mission:
+    text = KICK.read_text()
+    for given, by_item in BY_ITEM.items():
+        assert text.count(given) == 1
+        text = text.replace(given, by_item)
+    return parse_mission(text, "kick.yaml").model_copy(update={"payload_kg": payload_kg})
+
+
+def test_below_a_solid_what_the_stage_with_the_free_burn_is_short_of_is_told() -> None:
+    found = solve(kick_by_item(700.0), "auto")
+    assert found.status is Status.INFEASIBLE
+    assert "propellant of stage 1: " in found.reason
+
+
+@pytest.mark.trial
+def test_below_a_solid_the_stage_with_the_free_burn_runs_dry() -> None:
+    mission = kick_by_item(150.0)
+    found = greatest_payload(mission)
+    assert found.solution.status is Status.CONVERGED, found.solution.reason
+    used = next(c for c in found.solution.constraints if c.key is Check.SAVED_PROPELLANT)
+    assert used.value == pytest.approx(2500.0, abs=0.01)
+    # one kilogram more does not reach the target, and what is short is told
+    more = mission.model_copy(update={"payload_kg": found.payload_kg + 1.0})
+    beyond = solve(more, "auto")
+    assert beyond.status is Status.INFEASIBLE
+    assert "propellant of stage 1: " in beyond.reason
 
 
 def test_a_payload_is_sought_only_where_masses_are_by_item() -> None:

@@ -165,7 +165,8 @@ def _with_best_rests(
     begin = _beginning(search, ascent, arcs_alone if whole else arcs_alone - 1)
     if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
         return []
-    arcs = search.arrays.arcs.copy() if whole else with_more_propellant(search.arrays).arcs
+    given = search.arrays
+    arcs = given.arcs.copy() if whole else with_more_propellant(given, search.start[0]).arcs
     arcs["drag_area"] = arcs["exit_area"] = 0.0
     arcs["vertical"] = 0
     arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Look for the propellant that the last stage of a mission is short of."""
+"""Look for the propellant that the saving stage of a mission is short of."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from ares_optimizer.collocation.ascents import first_guesses, try_known
 from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import Search
-from ares_optimizer.plan import free_arcs, with_more_propellant
+from ares_optimizer.plan import free_arcs, saving_stage, with_more_propellant
 from ares_optimizer.solution import Cause, Status
 
 #: Need over what there is from which another local optimum will not do, and number of starts that
@@ -22,14 +22,16 @@ _MOST_UNMET = 6
 
 
 class Shortage(NamedTuple):
-    """Hold the propellant of the last stage that the best flight takes, and what it has.
+    """Hold the propellant of the saving stage that the best flight takes, and what it has.
 
     Attributes:
+        stage: such as "the last stage".
         burnt: by the best flight, kg.
         usable: what there is, kg.
         sure: true if enough starts led to this flight.
     """
 
+    stage: str
     burnt: float
     usable: float
     sure: bool
@@ -39,7 +41,7 @@ class Shortage(NamedTuple):
         """Return the cause of a failed search."""
         return Cause(
             Status.INFEASIBLE if self.sure else Status.STALLED,
-            f"propellant of the last stage: {self.burnt - self.usable:,.0f} kg short, the best "
+            f"propellant of {self.stage}: {self.burnt - self.usable:,.0f} kg short, the best "
             f"flight {'takes' if self.sure else 'found takes'} {self.burnt:,.0f} kg of "
             f"{self.usable:,.0f} kg",
         )
@@ -48,16 +50,19 @@ class Shortage(NamedTuple):
 def short_of_propellant(search: Search) -> Shortage | None:
     """Return the shortfall of propellant of a search without solution; None if there is none known.
 
-    The search is repeated with more propellant in the last stage: there is a flight to find, which
-    is fast. A solution that needs no more than the mission has goes to the search of the mission.
+    The search is repeated with more propellant in the saving stage: there is a flight to find,
+    fast. A solution that needs no more than the mission has goes to the search of the mission.
     """
     if search.request.deadline.passed:
         return None
-    arrays = with_more_propellant(search.arrays)
+    arrays = with_more_propellant(search.arrays, search.start[0])
     arcs = arrays.arcs
-    last = arcs["stage"] == arcs[-1]["stage"]
-    usable = float(search.arrays.arcs[-1]["propellant"])
-    if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
+    stage = saving_stage(search.arrays, search.start[0])
+    if stage < 0:
+        return None
+    k = int(np.flatnonzero(arcs["stage"] == stage)[-1])
+    usable = float(search.arrays.arcs[k]["propellant"])
+    if usable >= arcs[k]["propellant"]:
         return None
     more = Search(arrays, search.start, search.floors, search.request)
     free = arcs[free_arcs(arrays, search.start[0])]
@@ -69,25 +74,26 @@ def short_of_propellant(search: Search) -> Shortage | None:
         if search.request.deadline.passed or (more.best is None and more.starts == _MOST_UNMET):
             break
         if more.best is not None and more.is_conclusive:
-            far = alone and _burnt_in(more.best) > _FAR_SHORT * usable
+            far = alone and _burnt_in(stage, more.best) > _FAR_SHORT * usable
             if far or more.again >= _SURE:
                 break
         more.try_start(trial)
     search.iterations += more.iterations
     if more.best is None or (search.request.deadline.passed and not more.is_conclusive):
         return None
-    burnt = _burnt_in(more.best)
+    burnt = _burnt_in(stage, more.best)
     if burnt <= usable:
         search.starts += more.starts
         # what is best with more propellant, and keeps to less, is best with less too
         search.keep(more.best, more.again)
         return None
-    return Shortage(burnt, usable, alone or more.again >= _SURE)
+    name = "the last stage" if stage == arcs[-1]["stage"] else f"stage {stage}"
+    return Shortage(name, burnt, usable, alone or more.again >= _SURE)
 
 
-def _burnt_in(found: FoundOptimum) -> float:
-    """Return the propellant of the last stage that a flight takes, kg."""
+def _burnt_in(stage: int, found: FoundOptimum) -> float:
+    """Return the propellant of a stage that a flight takes, kg."""
     program, x = found.program, found.point.x
     stages = program.arrays.arcs["stage"]
-    members = np.flatnonzero(stages[program.segments["arc"]] == stages[-1])
+    members = np.flatnonzero(stages[program.segments["arc"]] == stage)
     return program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
