@@ -61,6 +61,7 @@ from ares_optimizer.collocation.variables import node_times
 from ares_optimizer.plan import (
     free_arcs,
     last_begin,
+    saving_stage,
     waiting_for_heating,
     with_more_propellant,
 )
@@ -165,8 +166,9 @@ def _with_best_rests(
     begin = _beginning(search, ascent, arcs_alone if whole else arcs_alone - 1)
     if begin is None or begin.track[-1, rollout.ALTITUDE] < rollout.THIN_AIR_M:
         return []
-    given = search.arrays
-    arcs = given.arcs.copy() if whole else with_more_propellant(given, search.start[0]).arcs
+    arcs = search.arrays.arcs.copy()
+    if not whole and saving_stage(search.arrays, search.start[0]) == arcs["stage"][-1]:
+        arcs = with_more_propellant(search.arrays, search.start[0]).arcs
     arcs["drag_area"] = arcs["exit_area"] = 0.0
     arcs["vertical"] = 0
     arcs["max_dynamic_pressure"] = arcs["max_q_alpha"] = math.inf
