@@ -153,8 +153,11 @@ def test_heating_far_above_the_limit_is_called_so():
     assert line == "113,500.0 W/m2 after the jettison, 100 times the limit"
     free = ConstraintCheck(Check.ARC_LENGTH, "length of arc 1", 9.0, 0.0, False, "s", True)
     free = replace(solution, verification=hot, constraints=(*solution.constraints, free))
-    more = f"{line}; a higher min_perigee_altitude_m of a free coast keeps it down"
+    more = f"{line}; a higher min_altitude_m of arc 1 keeps it down"
     assert proof_facts(free)["greatest heating"] == more
+    coasting = replace(free, arcs=tuple(replace(piece, delta_v_m_s=0.0) for piece in free.arcs))
+    more = f"{line}; a higher min_perigee_altitude_m of arc 1 keeps it down"
+    assert proof_facts(coasting)["greatest heating"] == more
 
 
 def test_a_free_length_is_no_constraint_unless_a_bound_acts(capsys):

@@ -408,6 +408,14 @@ def test_costates_are_those_of_the_two_point_problem() -> None:
             assert check.multiplier == pytest.approx(prices[check.key], rel=1e-3)
 
 
+def test_a_short_burn_begins_where_an_oblate_orbit_passes_a_round_target() -> None:
+    """Try the passages themselves: the best was not found, and a worse one called optimal."""
+    solution = solve(load_mission(str(MISSIONS / "oblate_circle.yaml")), "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    assert solution.m_f_kg == pytest.approx(3_984.574, abs=0.01)
+    assert solution.lengths_s == pytest.approx((2_836.9,), abs=1.0)
+
+
 def test_a_target_beyond_the_propellant_is_infeasible_and_says_how_much_is_short() -> None:
     mission = load_mission("falcon9_gto")
     arrays = mission.arrays()

@@ -423,6 +423,18 @@ def _coast_facts(solution: Solution) -> dict[str, str]:
     return {"longest coast": f"{longest / 3600.0:,.1f} h; max_s of a free coast bounds its length"}
 
 
+def _higher(solution: Solution) -> str:
+    """Name the key that raises the lowest part of a flight after its jettisons."""
+    track = solution.trajectory
+    assert track is not None
+    after = track.time_s > solution.t_plf_s
+    lowest = np.argmin(np.where(after, np.linalg.norm(track.position, axis=1), math.inf))
+    at = float(track.time_s[lowest])
+    arc = next(flown.arc for flown in solution.flown if at <= flown.end_s)
+    coasts = next(piece.coasts for piece in solution.arcs if at <= piece.end_s)
+    return f"a higher {'min_perigee_altitude_m' if coasts else 'min_altitude_m'} of arc {arc}"
+
+
 def proof_facts(solution: Solution) -> dict[str, str]:
     """Describe the proof and the cost of the search, by name."""
     facts = {}
@@ -444,7 +456,7 @@ def proof_facts(solution: Solution) -> dict[str, str]:
                 line += f", {peak / limit:,.0f} times the limit"
                 # free arcs before the last have a length to check
                 if any(c.key is Check.ARC_LENGTH for c in solution.constraints):
-                    line += "; a higher min_perigee_altitude_m of a free coast keeps it down"
+                    line += f"; {_higher(solution)} keeps it down"
             facts["greatest heating"] = line
     if solution.costates is not None:
         spread = max(solution.costates.hamiltonian_spread, default=math.nan)

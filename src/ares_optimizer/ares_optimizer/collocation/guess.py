@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from ares_models.arrays import (
     BURN,
@@ -14,6 +15,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.floors import Floor
+from ares_models.kernels.environment import gravity
 from ares_models.kernels.judging import judged_by
 from ares_models.orbits import Elements
 from ares_optimizer.collocation import rollout
@@ -91,6 +93,11 @@ _NEEDLESS = 0.01
 _APOGEE = 0.98
 #: Ratio of apogee to perigee from which a coast to apogee is tried.
 _HIGH = 1.01
+#: Revolutions over which the passages of a first coast through a round target are sought, the most
+#: that are tried, and the accuracy of that coast.
+_PASSED_REVOLUTIONS = 3.0
+_MOST_PASSAGES = 4
+_PASSED_ACCURACY = 1e-9
 
 
 def _first_crossing(track: Array, above: Array, default: float) -> float:
@@ -228,6 +235,8 @@ def _choices(
     if burns and arc in pilot.free and is_on_transfer(pilot):
         # this burn is not needed
         yield [(np.zeros(CONSTANTS * pilot.count), {arc: 0.0})], (_TO_APOGEE,) * len(coasts)
+    for length in () if burns or later or arc not in pilot.free else _passages(pilot):
+        yield [(constants, {arc: length}) for constants, _ in ascents[:_LIKELY]], (0.0,)
     # several burns at perigee raise the apogee
     first = _REVOLUTION if burns and not pilot.ascends else firsts[0]
     if later and target_perigee(pilot.arrays) < pilot.parking_m + LOW_M:
@@ -253,6 +262,47 @@ def _choices(
         yield ascents, (part, *([_TO_APOGEE] * later))
         if later:
             yield ascents, (part, *([_SOON] * later))
+
+
+def _passages(pilot: Pilot) -> list[float]:
+    """Return the times at which a first coast is best placed for a round target, s, the best first.
+
+    A short burn must begin at the radius of the target. On an oblate body an orbit passes it at
+    other times than its apogee.
+    """
+    low, high = target_perigee(pilot.arrays), target_apogee(pilot.arrays)
+    if pilot.energy >= 0.0 or not high - low < ROUND * low:
+        return []
+    environment, wanted = pilot.arrays.environment[0], 0.5 * (low + high)
+
+    def motion(_t: float, state: Array) -> Array:
+        return np.concatenate((state[3:], gravity(tuple(state[:3].tolist()), environment)))
+
+    def above(_t: float, state: Array) -> float:
+        return float(np.linalg.norm(state[:3])) - wanted
+
+    def climb(_t: float, state: Array) -> float:
+        return float(state[:3] @ state[3:]) / wanted
+
+    flown = solve_ivp(
+        motion,
+        (0.0, min(pilot.longest(int(pilot.start["arc"][0])), _PASSED_REVOLUTIONS * pilot.period)),
+        np.concatenate((pilot.start["position"][0], pilot.start["velocity"][0])),
+        method="DOP853",
+        rtol=_PASSED_ACCURACY,
+        events=(above, climb),
+    )
+    speed = math.sqrt(float(environment["mu"]) / wanted)
+    costs: list[tuple[float, float]] = []
+    assert flown.t_events is not None
+    assert flown.y_events is not None
+    for passed, states in zip(flown.t_events, flown.y_events, strict=True):
+        for t, state in zip(passed, states, strict=True):
+            up = climb(t, state)
+            along = float(np.linalg.norm(np.cross(state[:3], state[3:]))) / wanted
+            late = abs(above(t, state)) * speed / wanted
+            costs.append((math.hypot(up, along - speed) + late, float(t)))
+    return [t for _, t in sorted(costs)[:_MOST_PASSAGES]]
 
 
 def is_on_transfer(pilot: Pilot) -> bool:

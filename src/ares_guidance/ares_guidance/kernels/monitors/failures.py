@@ -400,7 +400,7 @@ def run_checks(mission: MissionRecords, onboard: Onboard) -> None:
 def without_air(mission: MissionRecords, onboard: Onboard, gained: Vector) -> Vector:
     """Return the velocity that the thrust would have gained in vacuum since the last state, m/s.
 
-    The forces of the air are those of the mission's air and tables.
+    The forces of the air are those of the mission's air and tables, at the commanded attitude.
 
     Args:
         mission: as guidance believes it.
@@ -411,11 +411,14 @@ def without_air(mission: MissionRecords, onboard: Onboard, gained: Vector) -> Ve
     arc = mission.arcs[nav.arc]
     if arc.kind != BURN or not is_in_air(arc) or norm(gained) == 0.0:
         return gained
-    r, u = load(nav.position), unit(gained)
+    r, span, steering = load(nav.position), onboard.state.navigation.interval, onboard.steering
+    since = nav.time - 0.5 * span - steering.reference_time
+    u = axpy(since, load(steering.direction_rate), load(steering.direction))
+    # before the first command there is none; wings pull the sensed velocity off the thrust
+    u = unit(u) if norm(u) > 0.0 else unit(gained)
     environment, atmosphere = mission.environment, mission.atmosphere
     lost = pressure_loss(arc, r, environment, atmosphere)
     force = body_force(arc, r, load(nav.velocity), u, environment, atmosphere)
-    span = onboard.state.navigation.interval
     return axpy(span / nav.mass, sub(scale(lost, u), force), gained)
 
 
