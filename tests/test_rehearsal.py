@@ -67,6 +67,23 @@ def test_a_loss_is_told_before_anything_starts(monkeypatch):
     assert lost == pytest.approx(100.0 * (1.0 - flown / planned), abs=0.006)
 
 
+@pytest.mark.parametrize("law", ["peg", "optimal"])
+def test_a_loss_is_that_of_the_stage_below_a_solid(monkeypatch, law):
+    """Compare what is dropped with the stage: the mass at cut-off is that of the solid."""
+    monkeypatch.setattr("ares_bringup.rehearsal.TOLERATED", -1.0)
+    said = rehearse({"mission": str(MISSIONS / "solid_kick.yaml"), "law": law})
+    found = re.fullmatch(
+        rf"law {law} is expected to end arc 2 \(coast\) with ([\d,.]+) kg, (-?[\d.]+) % less than "
+        r"the plan's ([\d,.]+) kg",
+        said,
+    )
+    assert found, said
+    flown, lost, planned = (float(text.replace(",", "")) for text in found.groups())
+    assert flown == pytest.approx(planned, rel=1e-3)
+    assert planned > 900.0
+    assert lost == pytest.approx(100.0 * (1.0 - flown / planned), abs=0.01)
+
+
 @pytest.mark.trial
 def test_an_implausible_dynamic_pressure_is_told_before_anything_starts(monkeypatch):
     mission = {"mission": "electron_sso_pad", "law": "optimal"}

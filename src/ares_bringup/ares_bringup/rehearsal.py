@@ -32,14 +32,21 @@ class _Rehearsal:
         plan: the optimizer's plan for its free quantities.
         options: integration of the plant.
         settings: cycle and gates of the law.
-        least_kg: final mass below which a law does not count as one that flies the mission.
+        arc: last one of the last stage with a free burn, at whose end laws differ in mass.
+        least_kg: mass there below which a law does not count as one that flies the mission.
     """
 
     mission: "Mission"
     plan: "Solution"
     options: "SimulatorOptions"
     settings: "LawSettings"
+    arc: int
     least_kg: float
+
+    @property
+    def planned_kg(self) -> float:
+        """Return the mass at the end of the arc by the plan."""
+        return self.plan.end_mass_kg(self.arc)
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,7 @@ class _End:
 
     Attributes:
         missed: quantities beyond their tolerance.
-        mass_kg: at cut-off; 0 if the target is missed.
+        mass_kg: at the end of the arc of the rehearsal; 0 if the target is missed.
         most_pa: greatest dynamic pressure; nan: not known.
     """
 
@@ -96,12 +103,14 @@ def rehearse(flown: Mapping[str, Any]) -> str:
             f"({end.missed}); {_advice(rehearsal, law)}"
         )
     doubt = pressure_warning(mission, end.most_pa)
-    plan_kg = rehearsal.plan.m_f_kg
+    plan_kg = rehearsal.planned_kg
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
         return doubt
-    loss = (
-        f"expected to end with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
+    last = rehearsal.arc == rehearsal.plan.flown[-1].arc
+    ends = "end" if last else f"end arc {rehearsal.arc}"
+    loss = mission.with_names(
+        f"expected to {ends} with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
         f"the plan's {plan_kg:,.1f} kg"
     )
     if end.mass_kg < rehearsal.least_kg:
@@ -131,6 +140,7 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     """
     from ares_guidance.laws import find_law, make_law
     from ares_guidance.settings import LawSettings
+    from ares_optimizer.plan import saving_stage
     from ares_studies.closed_loop import plan_solution
     from ares_vehicle_sim.simulator import SimulatorOptions
 
@@ -145,12 +155,17 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
     # what it cannot fly is told before the search for a plan
     make_law(law, mission.arrays(foreseen=True), settings)
     plan = plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s"))
+    arrays = mission.arrays()
+    saving = saving_stage(arrays, mission.start().navigation()[0])
+    stages = arrays.arcs["stage"].tolist()
+    arc = max(k for k, stage in enumerate(stages) if stage == saving or saving < 0)
     return _Rehearsal(
         mission,
         plan,
         SimulatorOptions(**known[SimulatorOptions]),
         settings,
-        0.0 if mission.needs_plan else plan.m_f_kg * (1.0 - TOLERATED),
+        arc,
+        0.0 if mission.needs_plan else plan.end_mass_kg(arc) * (1.0 - TOLERATED),
     )
 
 
@@ -177,16 +192,24 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
     """
     from ares_models.judge import End
     from ares_studies.closed_loop import fly_stepwise, ready_law
+    from ares_vehicle_sim.arrays import ARC_ENDED, DEPLETION
     from ares_vehicle_sim.simulator import CommandRefused
 
     ready = ready_law(rehearsal.mission, law, rehearsal.settings, rehearsal.plan)
     try:
-        plant = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready).plant
+        flight = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready)
     except CommandRefused as error:
         return _End(f"the vehicle refuses its command {error}")
+    plant = flight.plant
     judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
-    reached = judged.end is End.TARGET
-    mass_kg = float(plant["mass"]) if reached else 0.0
+    mass_kg, arc = float(plant["mass"]), rehearsal.arc
+    ends = [(ARC_ENDED, arc), (DEPLETION, rehearsal.mission.arrays().arcs["stage"][arc])]
+    for event in flight.events if arc != rehearsal.plan.flown[-1].arc else ():
+        # a stage that is dropped has what it saves until then
+        if (event["type"], event["index"]) in ends:
+            mass_kg = float(event["mass"])
+    if judged.end is not End.TARGET:
+        mass_kg = 0.0
     return _End("; ".join(judged.misses()), mass_kg, float(plant["most_dynamic_pressure"]))
 
 

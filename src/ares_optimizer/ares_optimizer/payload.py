@@ -22,8 +22,6 @@ _BEYOND = 1.25
 #: Tolerance of the propellant left at the greatest payload, kg, and relative.
 _LEFT_KG = 1e-3
 _LEFT = 1e-6
-#: Tolerance of equal times, s.
-_SAME_S = 1e-6
 #: Propellant of the last burn, kg, below which the burns before it give too much.
 _NOTHING_KG = 1.0
 
@@ -69,8 +67,8 @@ def _left(mission: Mission, stage: int, found: Solution) -> float:
     arc, dropped = arrays.arcs[k], mission.jettison_mass(stage)
     end_kg = found.m_f_kg
     if k + 1 < len(arrays.arcs):
+        end_kg = found.end_mass_kg(k)
         end_s = next(flown.end_s for flown in found.flown if flown.arc == k)
-        end_kg = next(piece.end_mass_kg for piece in found.arcs if piece.end_s >= end_s - _SAME_S)
         times = zip(arrays.jettisons, found.jettison_times_s, strict=True)
         dropped = sum(j["mass"] for j, t in times if j["stage"] == stage and t <= end_s)
     return float(arc["propellant"] - (arc["stack_mass"] - dropped - end_kg))

@@ -47,6 +47,8 @@ class Cause(NamedTuple):
 
 
 OPTIMAL = Cause(Status.CONVERGED, "optimal")
+#: Tolerance of equal times, s.
+_SAME_S = 1e-6
 #: Reason why a flight without free burns is not called optimal.
 NOTHING_SAVED = "no burn is free, so the mass at cut-off is given and nothing is left to optimize"
 #: What to do where the free burns take nothing, and how the rest is wasted is not found exactly.
@@ -348,6 +350,19 @@ class Solution:
         """Return the propellant of the last burn, kg; nan without a flight."""
         last = self.arcs[-1] if self.arcs else None
         return math.nan if last is None else last.start_mass_kg - last.end_mass_kg
+
+    def end_mass_kg(self, arc: int) -> float:
+        """Return the mass at the end of an arc, before what is dropped there, kg.
+
+        Raises:
+            ValueError: the flight has no such arc.
+        """
+        ends = [flown.end_s for flown in self.flown if flown.arc == arc]
+        if not ends:
+            raise ValueError(f"arc is {arc}; expected one of the flight")
+        if arc == self.flown[-1].arc:
+            return self.m_f_kg
+        return next(piece.end_mass_kg for piece in self.arcs if piece.end_s >= ends[0] - _SAME_S)
 
     @property
     def delta_v_m_s(self) -> float:

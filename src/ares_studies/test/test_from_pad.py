@@ -1114,6 +1114,19 @@ def test_a_spun_stage_is_planned_and_flown(name, number, length_s, within_s):
         assert judged(mission, end).end is End.TARGET, law
 
 
+@pytest.mark.trial
+@pytest.mark.parametrize("name", ["peg", "igm"])
+def test_wings_are_no_failure_of_an_engine(name):
+    """Measure the thrust along the commanded attitude: lift turned what is sensed by 20 deg."""
+    mission = load_mission(str(MISSIONS / "pegasus_xl_drop.yaml"))
+    solution = solve(mission, "auto")
+    assert solution.status is Status.CONVERGED, solution.reason
+    law = ready(mission, solution, name)
+    end = fly_compiled(mission, law=law).plant
+    assert law.state["found"]["count"] == 0
+    assert judged(mission, end).end is End.TARGET
+
+
 #: Sum of the free lengths as found here, s, of flights whose last stage burns whole at the apogee.
 KICKED = {"diamant_a_pad": 391.62, "delta_echo1_pad": 903.36}
 
