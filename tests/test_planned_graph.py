@@ -357,6 +357,7 @@ def test_a_flight_without_pace_waits_for_a_restarted_guidance_that_plans(
     assert np.linalg.norm(graph.events[-1].position) == pytest.approx(6556000.0, abs=1.0)
 
 
+@pytest.mark.trial
 def test_a_flight_takes_one_search(ares, monkeypatch, tmp_path):
     searches = []
     search = kept.solve

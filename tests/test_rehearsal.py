@@ -103,6 +103,7 @@ def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
         rehearse(flown)
 
 
+@pytest.mark.trial
 def test_a_command_that_the_vehicle_refuses_is_told_with_its_reason(monkeypatch):
     def command(vehicle, _steering):
         if vehicle.sequence == 5:

@@ -63,6 +63,7 @@ def test_the_page_is_legible_and_has_no_serious_fault(read_page, check_page):
     check_page(read_on_a_phone(read_page), "narrow")
 
 
+@pytest.mark.trial
 def test_the_page_shows_what_the_file_holds_and_answers(read_page, report):
     page = read_page("wide", "light")
     check_tables(page, report)

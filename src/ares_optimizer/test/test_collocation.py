@@ -170,8 +170,7 @@ def test_derivatives_are_those_of_the_rows(name: str) -> None:
     [
         *one_in(4, SHIPPED),
         *one_in(4, MISSED),
-        *one_in(2, THROTTLED),
-        pytest.param(*SOON_AGAIN, marks=pytest.mark.trial),
+        *(pytest.param(name, marks=pytest.mark.trial) for name in THROTTLED | SOON_AGAIN),
     ],
 )
 def test_what_another_program_found_is_found(solutions: dict[str, Solution], name: str) -> None:
@@ -408,6 +407,7 @@ def test_costates_are_those_of_the_two_point_problem() -> None:
             assert check.multiplier == pytest.approx(prices[check.key], rel=1e-3)
 
 
+@pytest.mark.trial
 def test_a_short_burn_begins_where_an_oblate_orbit_passes_a_round_target() -> None:
     """Try the passages themselves: the best was not found, and a worse one called optimal."""
     solution = solve(load_mission(str(MISSIONS / "oblate_circle.yaml")), "auto")

@@ -49,6 +49,7 @@ def test_best_time_is_right_to_its_accuracy(station: Window) -> None:
     assert station.best.final_mass_kg > max(beside)
 
 
+@pytest.mark.trial
 def test_a_launch_beside_a_known_one_begins_at_its_flight(station: Window) -> None:
     later = launched_later(station.best.mission, 90.0)
     alone, beside = (solve(later, "auto", guess=each) for each in (None, station.best.solution))

@@ -256,6 +256,7 @@ def test_an_engine_of_its_burn_is_lost():
     assert "throttle stuck" in [row.name for row in throttled]
 
 
+@pytest.mark.trial
 def test_a_plan_of_arcs_has_no_map():
     with pytest.raises(UnfitMethod, match="expected only the last arc to be"):
         MapMaker(MapSettings(load_mission("delta_iii_coast"), "peg", 60.0))
@@ -272,6 +273,7 @@ def test_failures_from_the_pad_begin_at_lift_off(from_pad):
     assert (stuck.name, [point.at_s for point in stuck.points]) == ("jettison stuck", [75.2, 150.4])
 
 
+@pytest.mark.trial
 def test_the_optima_from_the_pad_know_of_the_air(from_pad):
     # the published optimum; without the air it is 8,206 kg
     assert from_pad.nominal.m_f_kg == pytest.approx(7529.712, abs=0.01)

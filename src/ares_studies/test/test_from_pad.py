@@ -389,6 +389,7 @@ def fly_calmly(steering):
     return simulator.plant
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("law", one_in(2, ["peg", "optimal"]))
 def test_a_flight_in_the_wind_is_planned_with_it_and_arrives(windy, law):
     mission, solution = windy
@@ -1085,6 +1086,7 @@ def test_what_has_vanished_at_the_ends_of_a_burn_has_no_say():
     assert list(rows[[0, -1]]) == [first + 2, last + 2]
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("law", ["peg", "igm", "optimal"])
 def test_what_solids_give_too_much_is_wasted_by_every_law(law):
     """From lift-off on, each flew its leg to the end of a solid that it could not shorten."""
