@@ -37,6 +37,14 @@ def describe_end(status: int) -> str:
         return f"was killed by signal {-status}"
 
 
+def settled(status: int | None) -> int | None:
+    """Return 0 for a node that was done, when its middleware hung; other exit statuses as they are.
+
+    `ares_node.run` has the system end such a node by SIGALRM.
+    """
+    return 0 if status == -signal.SIGALRM else status
+
+
 class Crew:
     """Hold child processes by name; end those that still run at the end of the `with` block.
 
@@ -87,15 +95,15 @@ class Crew:
 
     def status(self, name: str) -> int | None:
         """Return the exit status of a child, negative for a signal; None while it runs."""
-        return self._children[name].poll()
+        return settled(self._children[name].poll())
 
     def newly_ended(self) -> list[tuple[str, int]]:
         """Return the children, with exit status, that ended on their own since the last call."""
         ended = []
-        for name, child in self._children.items():
+        for name in self._children:
             if name in self._seen or name in self._asked:
                 continue
-            status = child.poll()
+            status = self.status(name)
             if status is not None:
                 self._seen.add(name)
                 ended.append((name, status))

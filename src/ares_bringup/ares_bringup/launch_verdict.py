@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from ares_bringup.crew import describe_end
+from ares_bringup.crew import describe_end, settled
 from ares_bringup.keeper import GUIDANCE, JUDGE, RECORDER, SIMULATOR, SPARED, Keeper
 from ares_bringup.outcomes import (
     EXIT_CANNOT_START,
@@ -98,6 +98,7 @@ class LaunchVerdict:
             name: of the node.
             status: exit status, negative for a signal.
         """
+        status = settled(status) or 0
         follows = self._judge_ended(status) if name == JUDGE else self._node_ended(name, status)
         self.up.discard(name)
         if not follows.restart:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ares_bringup.crew import Crew, describe_end, ros_arguments
+from ares_bringup.crew import Crew, describe_end, ros_arguments, settled
 
 SLEEPER = "import time, sys; print('up', file=sys.stderr, flush=True)\nwhile True: time.sleep(1)\n"
 DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + SLEEPER
@@ -118,6 +118,10 @@ def test_ctrl_c_in_the_terminal_reaches_the_parent_only():
     with Crew() as crew:
         crew.start("sleeper", "sleeper", [])
         assert os.getpgid(crew.pid("sleeper")) != os.getpgid(0)
+
+
+def test_a_node_that_was_done_when_its_middleware_hung_ended_well():
+    assert [settled(status) for status in (-signal.SIGALRM, 0, 2, -9, None)] == [0, 0, 2, -9, None]
 
 
 def test_ends_in_words():

@@ -49,6 +49,8 @@ def status(*ends, interrupt_after=None):
         # one that is killed has given no verdict
         ([("judge", -signal.SIGKILL)], 1),
         ([("judge", 139)], 1),
+        # a node that was done, and whose middleware hung
+        ([("judge", -signal.SIGALRM), ("recorder", -signal.SIGALRM)], 0),
         # a lost optimizer costs nothing
         ([("optimizer", -9), ("judge", 0)], 0),
         ([("judge", 0), ("optimizer", -9)], 0),

@@ -33,6 +33,8 @@ from ares_node.spin import Spinner
 
 #: Time from a signal to the abandonment of unfinished work, wall time, s.
 ABANDON_AFTER = 1.0
+#: Wall time after which the system ends a node that is done, by SIGALRM, s.
+HUNG_AFTER = 8.0
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -265,7 +267,11 @@ def _run(
             # what is left frees memory, where the middleware was seen to hang
             stop.exit_status = node.exit_code
             stop.abandonable = _drop
+            if node.exit_code == EXIT_OK:
+                # with Python's lock too: then the system ends the process
+                signal.setitimer(signal.ITIMER_REAL, HUNG_AFTER)
             if executor is not None:
                 executor.shutdown()
             node.destroy_node()
         context.try_shutdown()
+        signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node with every way to end, run as a process by test_run.py."""
 
+import ctypes
 import hashlib
 import sys
 import time
@@ -15,8 +16,8 @@ from ares_node.run import run_node
 
 MODES = (
     "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start",
-    "stuck_start", "wrapped_start", "disposable", "stuck_end", "stuck_freeing", "warn",
-    "refuse_later",
+    "stuck_start", "wrapped_start", "disposable", "stuck_end", "stuck_freeing", "locked_freeing",
+    "warn", "refuse_later",
 )  # fmt: skip
 
 
@@ -28,7 +29,7 @@ def hold() -> None:
 class DemoNode(FlightNode):
     """Report on /diagnostics until told to stop."""
 
-    stuck = False
+    stuck = locked = False
 
     def __init__(self, **kwargs: Any) -> None:
         mode = Parameter("mode", "run", "How to behave.", choices=MODES)
@@ -61,7 +62,7 @@ class DemoNode(FlightNode):
             print("starting", flush=True)
             hold()
         self.ticks = 0
-        self.stuck = mode == "stuck_freeing"
+        self.stuck, self.locked = mode == "stuck_freeing", mode == "locked_freeing"
         self.disposable = mode in ("disposable", "stuck_end")
 
     def activate(self) -> None:
@@ -97,6 +98,9 @@ class DemoNode(FlightNode):
     def destroy_node(self) -> None:
         if self.stuck:
             hold()
+        if self.locked:
+            # with Python's lock: no thread of Python runs
+            ctypes.PyDLL(None).sleep(600)
         super().destroy_node()
 
     def abandon(self) -> None:

@@ -149,6 +149,18 @@ def test_compiled_code_does_not_hold_the_process(
     assert (process.returncode, own_words(err)) == (0, "")
 
 
+def test_the_system_ends_a_node_that_is_done_and_hangs_with_the_lock(
+    ros_environment: dict[str, str],
+) -> None:
+    process = start(ros_environment, "--ros-args", "-p", "mode:=locked_freeing")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "running\n"
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, own_words(err)) == (-signal.SIGALRM, "")
+    assert "cleaned up" in out
+
+
 @pytest.mark.parametrize("number", one_in(2, [signal.SIGTERM, signal.SIGINT]))
 def test_a_signal_during_the_imports(
     tmp_path: Path, ros_environment: dict[str, str], number: signal.Signals
