@@ -399,6 +399,7 @@ def test_a_flight_in_the_wind_is_planned_with_it_and_arrives(windy, law):
     assert 1.0 - float(end["mass"]) / solution.m_f_kg < 1e-4
 
 
+@pytest.mark.trial
 def test_a_tail_wind_is_worth_mass_and_its_limits_are_kept(limited, windy):
     _, calm = limited
     mission, solution = windy
