@@ -33,7 +33,6 @@ class _Rehearsal:
         options: integration of the plant.
         settings: cycle and gates of the law.
         arc: last one of the last stage with a free burn, at whose end laws differ in mass.
-        least_kg: mass there below which a law does not count as one that flies the mission.
     """
 
     mission: "Mission"
@@ -41,12 +40,21 @@ class _Rehearsal:
     options: "SimulatorOptions"
     settings: "LawSettings"
     arc: int
-    least_kg: float
+
+    @property
+    def ends_before(self) -> bool:
+        """Return whether arcs follow the one at whose end masses are compared."""
+        return self.arc != self.plan.flown[-1].arc
 
     @property
     def planned_kg(self) -> float:
         """Return the mass at the end of the arc by the plan."""
         return self.plan.end_mass_kg(self.arc)
+
+    @property
+    def least_kg(self) -> float:
+        """Return the mass there below which a law does not count as one that flies the mission."""
+        return 0.0 if self.mission.needs_plan else self.planned_kg * (1.0 - TOLERATED)
 
 
 @dataclass(frozen=True)
@@ -107,8 +115,7 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
         return doubt
-    last = rehearsal.arc == rehearsal.plan.flown[-1].arc
-    ends = "end" if last else f"end arc {rehearsal.arc}"
+    ends = f"end arc {rehearsal.arc}" if rehearsal.ends_before else "end"
     loss = mission.with_names(
         f"expected to {ends} with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
         f"the plan's {plan_kg:,.1f} kg"
@@ -165,7 +172,6 @@ def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehears
         SimulatorOptions(**known[SimulatorOptions]),
         settings,
         arc,
-        0.0 if mission.needs_plan else plan.end_mass_kg(arc) * (1.0 - TOLERATED),
     )
 
 
@@ -204,7 +210,7 @@ def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
     judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
     mass_kg, arc = float(plant["mass"]), rehearsal.arc
     ends = [(ARC_ENDED, arc), (DEPLETION, rehearsal.mission.arrays().arcs["stage"][arc])]
-    for event in flight.events if arc != rehearsal.plan.flown[-1].arc else ():
+    for event in flight.events if rehearsal.ends_before else ():
         # a stage that is dropped has what it saves until then
         if (event["type"], event["index"]) in ends:
             mass_kg = float(event["mass"])

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ares_models.kernels.sequence import empty_mass
 from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.plan import saving_stage, with_more_propellant
@@ -64,14 +65,13 @@ def _left(mission: Mission, stage: int, found: Solution) -> float:
     """Return the propellant that a flight leaves in a stage, kg; negative: shortfall."""
     arrays = mission.arrays()
     k = int(np.flatnonzero(arrays.arcs["stage"] == stage)[-1])
-    arc, dropped = arrays.arcs[k], mission.jettison_mass(stage)
-    end_kg = found.m_f_kg
-    if k + 1 < len(arrays.arcs):
-        end_kg = found.end_mass_kg(k)
-        end_s = next(flown.end_s for flown in found.flown if flown.arc == k)
-        times = zip(arrays.jettisons, found.jettison_times_s, strict=True)
-        dropped = sum(j["mass"] for j, t in times if j["stage"] == stage and t <= end_s)
-    return float(arc["propellant"] - (arc["stack_mass"] - dropped - end_kg))
+    arc = arrays.arcs[k]
+    if k + 1 == len(arrays.arcs):
+        dry = arc["stack_mass"] - mission.jettison_mass(stage) - arc["propellant"]
+        return float(found.m_f_kg - dry)
+    end_s = next(flown.end_s for flown in found.flown if flown.arc == k)
+    dropped = sum(1 << j for j, t in enumerate(found.jettison_times_s) if t <= end_s)
+    return found.end_mass_kg(k) - empty_mass(arc, arrays.arcs, arrays.jettisons, dropped)
 
 
 def _with_any_propellant(
