@@ -27,6 +27,7 @@ from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionRecords
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.aerodynamics import body_force, is_in_air, pressure_loss
 from ares_models.kernels.sequence import aboard, drop_time, empty_mass, last_ignition
+from ares_models.kernels.steering import steered_direction
 from ares_models.kernels.throttle import FULL, LEAST, LIMITED, throttle_regime
 from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import Vector, axpy, load, norm, scale, store, sub, unit
@@ -412,10 +413,9 @@ def without_air(mission: MissionRecords, onboard: Onboard, gained: Vector) -> Ve
     if arc.kind != BURN or not is_in_air(arc) or norm(gained) == 0.0:
         return gained
     r, span, steering = load(nav.position), onboard.state.navigation.interval, onboard.steering
-    since = nav.time - 0.5 * span - steering.reference_time
-    u = axpy(since, load(steering.direction_rate), load(steering.direction))
     # before the first command there is none; wings pull the sensed velocity off the thrust
-    u = unit(u) if norm(u) > 0.0 else unit(gained)
+    commanded = norm(load(steering.direction)) > 0.0
+    u = steered_direction(steering, nav.time - 0.5 * span) if commanded else unit(gained)
     environment, atmosphere = mission.environment, mission.atmosphere
     lost = pressure_loss(arc, r, environment, atmosphere)
     force = body_force(arc, r, load(nav.velocity), u, environment, atmosphere)
