@@ -29,7 +29,7 @@ def loop_records(loop: LoopArrays) -> Loop:
 
 
 @kernel
-def run(loop: Loop) -> int:
+def fly(loop: LoopArrays) -> int:
     """Fly from an initialized plant and its first navigation state to the end of the flight.
 
     The clock counts whole navigation periods in nanoseconds, as the simulator node does.
@@ -37,22 +37,17 @@ def run(loop: Loop) -> int:
     Returns:
         the navigation states answered by PEG's solution, which stands in for another law.
     """
-    plant = loop.vehicle.plant
+    true, vehicle, believed, onboard, memory = loop_records(loop)
+    plant = vehicle.plant
     start_ns = round(plant.time * 1e9)
-    period_ns = round(loop.vehicle.options.navigation_period * 1e9)
+    period_ns = round(vehicle.options.navigation_period * 1e9)
     tick = 0
     by_peg = 0
     while plant.complete == 0:
-        guarded_step(loop.believed, loop.onboard, loop.memory)
-        by_peg += loop.onboard.state.law == LAW_PEG
-        accept_command(plant, loop.onboard.steering)
-        tick = next_tick(loop.true, loop.vehicle, tick)
-        flight_step(loop.true, loop.vehicle, (start_ns + tick * period_ns) / 1e9)
-        measure(loop.vehicle)
+        guarded_step(believed, onboard, memory)
+        by_peg += onboard.state.law == LAW_PEG
+        accept_command(plant, onboard.steering)
+        tick = next_tick(true, vehicle, tick)
+        flight_step(true, vehicle, (start_ns + tick * period_ns) / 1e9)
+        measure(vehicle)
     return by_peg
-
-
-@kernel
-def fly(loop: LoopArrays) -> None:
-    """Fly as :func:`run`; entry point from Python."""
-    run(loop_records(loop))

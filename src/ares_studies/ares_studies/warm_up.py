@@ -58,16 +58,6 @@ def compile_laws(*names: str) -> None:
             FlightRange(Settings(mission, dispersions, law=name)).fly(0, 1)
 
 
-def compile_solvers() -> None:
-    """Fly by law `peg`; solve by the methods of other packages and by the direct methods."""
-    from ares_optimizer.solve import solve  # a flight does without
-
-    compile_laws(PEG.name)
-    # those of others first: their laws load the kernels from the cache
-    for method in (*registered(GROUP), "direct11", "jump"):
-        solve(load_mission("ares_v"), method)
-
-
 def compile_plans() -> None:
     """Plan missions with free arcs, and fly one of them by its plan."""
     from ares_optimizer.solve import solve
@@ -93,18 +83,29 @@ def compile_pages() -> None:
     vertical_stretch(surroundings[0])
 
 
-def compile_flights() -> None:
-    """Solve by the indirect methods, whose kernels law `optimal` uses, and fly the other laws."""
-    from ares_optimizer.solve import solve
+def compile_optimum() -> None:
+    """Solve by the indirect methods and collocation; fly by the laws that use most kernels."""
+    from ares_optimizer.solve import solve  # a flight does without
 
     # without verification, whose kernels are compiled with the direct methods
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "collocation")
     plan_from_pad()
     solve(load_mission("ares_v"), "closed_form", verify=False)
-    compile_laws(*(name for name in law_names() if name != PEG.name))
-    compile_plans()
+    compile_laws("optimal", "igm")
+
+
+def compile_others() -> None:
+    """Fly by the other laws; solve by the methods of other packages and by the direct methods."""
+    from ares_optimizer.solve import solve  # a flight does without
+
+    compile_laws(PEG.name)
+    # those of others first: their laws load the kernels from the cache
+    for method in (*registered(GROUP), "direct11", "jump"):
+        solve(load_mission("ares_v"), method)
+    compile_laws(*sorted({*law_names()} - {PEG.name, "optimal", "igm"}))
     compile_pages()
+    compile_plans()
 
 
 def run(*parts: Callable[[], None]) -> int:
@@ -122,4 +123,4 @@ if __name__ == "__main__":
         fly_once(sys.argv[1])
         plan_from_pad()
     else:
-        sys.exit(run(compile_flights, compile_solvers))
+        sys.exit(run(compile_optimum, compile_others))

@@ -23,7 +23,7 @@ from ares_models.mission import MISSION, Mission, load_mission, parse_mission
 from ares_models.mission_target import target_record
 from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
-from ares_studies.montecarlo import engines
+from ares_studies.montecarlo import engines, flights
 from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign, missing
 from ares_studies.montecarlo.engines import (
     EngineError,
@@ -189,14 +189,14 @@ def test_depletion_has_its_reason(ares_v):
 
 def test_an_exception_is_one_flights_own(standard, monkeypatch):
     flyer = FlightRange(standard)
-    real = flyer._fly_many
+    real = flights.begin
 
     def fail_at_seven(variations, *rest):
         if 7 in variations["errors"]["flight"]:
             raise FloatingPointError("struck\nby lightning")
         real(variations, *rest)
 
-    monkeypatch.setattr(flyer, "_fly_many", fail_at_seven)
+    monkeypatch.setattr(flights, "begin", fail_at_seven)
     table = make_table(flyer.fly(5, 4), flyer.columns, standard.mission.jettison_names)
     rows = table.to_pylist()
     assert [row["outcome"] for row in rows] == ["success", "success", "error", "success"]

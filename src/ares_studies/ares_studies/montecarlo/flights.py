@@ -15,8 +15,9 @@ from ares_models.mission import Mission
 from ares_models.mission_pieces import piece_array
 from ares_studies.arrays import closed_loop
 from ares_studies.closed_loop import ready_law
-from ares_studies.loops import campaign_loop
+from ares_studies.loops import flight_loop
 from ares_studies.montecarlo.arrays import RESULT
+from ares_studies.montecarlo.kernels import assess, begin
 from ares_vehicle_sim.arrays import FAILURE, blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler, piece_slugs
@@ -101,7 +102,7 @@ class FlightRange:
         self._nominal = nominal_truth(mission, settings.dispersions)
         believed = mission.arrays(foreseen=True)
         law = ready_law(mission, settings.law, settings.law_settings, plan=settings.plan)
-        self._fly_many = campaign_loop(law.kind)
+        self._fly_loop = flight_loop(law.kind)
         self._pieces = piece_array(mission.pieces)
         # the draws contain the atmosphere of each flight
         true = room_for_truth(self._nominal, self._nominal.atmosphere)
@@ -150,14 +151,13 @@ class FlightRange:
         results = np.zeros(count, RESULT)
         if failures is None:
             failures = np.zeros(1, FAILURE)
-        self._fly_many(
-            draws.variations,
-            draws.atmospheres,
-            self._nominal,
-            self._blank,
-            self._workspace,
-            results,
-            failures,
-            self._pieces,
-        )
+        for k in range(count):
+            atmosphere = draws.atmospheres[k % len(draws.atmospheres)]
+            true = self._workspace.true._replace(atmosphere=atmosphere)
+            loop = self._workspace._replace(true=true)
+            variation, result = draws.variations[k : k + 1], results[k : k + 1]
+            failure = failures[k % len(failures) :][:1]
+            begin(variation, failure, self._nominal, self._blank, loop)
+            result["by_peg"] = self._fly_loop(loop)
+            assess(loop, variation, self._pieces, result)
         return Flown(first, draws.inputs, results, {})

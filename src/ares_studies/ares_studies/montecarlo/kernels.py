@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fly many dispersed flights in one compiled loop, each judged at its end."""
+"""Begin the dispersed flights of a campaign, and judge each at its end."""
 
 import math
 from typing import Any
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ares_models.arrays import HEATING_LIMIT, MissionArrays, Record
 from ares_models.jit import kernel
 from ares_models.kernels import judging
+from ares_models.kernels.records import mission_records
 from ares_models.kernels.vectors import load
 from ares_studies.arrays import Loop, LoopArrays
-from ares_studies.kernels import loop_records, run
+from ares_studies.kernels import loop_records
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE, TIME_LIMIT
 from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.kernels.plant import begin_flight
@@ -86,57 +87,55 @@ def judge(loop: Loop, result: Record) -> None:
 
 
 @kernel
-def fly_many(
+def begin(
     variations: NDArray[Any],
-    atmospheres: NDArray[Any],
+    failures: NDArray[Any],
     nominal: MissionArrays,
     blank: LoopArrays,
-    workspace: LoopArrays,
-    results: NDArray[Any],
-    failures: NDArray[Any],
-    pieces: NDArray[Any],
+    loop: LoopArrays,
 ) -> None:
-    """Fly and judge one flight for every variation.
+    """Make a dispersed flight ready for its first cycle of guidance.
 
     Args:
-        variations: shape (n,), dtype VARIATION.
-        atmospheres: shape (n, m, 9), or (1, m, 9) for all.
+        variations: shape (1,), dtype VARIATION.
+        failures: shape (1,), dtype FAILURE.
         nominal: the truth before dispersion.
         blank: an unused loop at the nominal start.
-        workspace: workspace of one flight after the other. Changed.
-        results: shape (n,), dtype RESULT. Changed.
-        failures: shape (n,), dtype FAILURE, or (1,) for all.
-        pieces: dtype PIECE, of the mission.
+        loop: the flight, with its atmosphere. Changed.
     """
-    for k in range(variations.shape[0]):
-        true = MissionArrays(
-            workspace.true.environment,
-            atmospheres[k % atmospheres.shape[0]],
-            workspace.true.arcs,
-            workspace.true.jettisons,
-            workspace.true.target,
-        )
-        loop = loop_records(
-            LoopArrays(true, workspace.vehicle, workspace.believed, workspace.onboard)
-        )
-        workspace.vehicle.plant[0] = blank.vehicle.plant[0]
-        workspace.onboard.state[0] = blank.onboard.state[0]
-        workspace.onboard.steering[0] = blank.onboard.steering[0]
-        workspace.onboard.memory[0] = blank.onboard.memory[0]
-        vary(variations[k], nominal, true, loop.vehicle.plant)
-        workspace.vehicle.plant[0].failure = failures[k % failures.shape[0]]
-        begin_flight(loop.true, loop.vehicle.plant)
-        measure(loop.vehicle)
-        by_peg = run(loop)
-        judge(loop, results[k])
-        results[k].by_peg = by_peg
-        follow_pieces(
-            loop.vehicle.plant.events,
-            loop.vehicle.plant.event_count,
-            true.jettisons,
-            pieces,
-            variations[k].ballistic_coefficient,
-            loop.true.environment,
-            loop.true.atmosphere,
-            results[k].falls,
-        )
+    loop.vehicle.plant[0] = blank.vehicle.plant[0]
+    loop.onboard.state[0] = blank.onboard.state[0]
+    loop.onboard.steering[0] = blank.onboard.steering[0]
+    loop.onboard.memory[0] = blank.onboard.memory[0]
+    vehicle = loop_records(loop).vehicle
+    vary(variations[0], nominal, loop.true, vehicle.plant)
+    loop.vehicle.plant[0].failure = failures[0]
+    begin_flight(mission_records(loop.true), vehicle.plant)
+    measure(vehicle)
+
+
+@kernel
+def assess(
+    loop: LoopArrays, variations: NDArray[Any], pieces: NDArray[Any], results: NDArray[Any]
+) -> None:
+    """Judge a completed flight and follow what falls.
+
+    Args:
+        loop: the flight.
+        variations: shape (1,), dtype VARIATION.
+        pieces: dtype PIECE, of the mission.
+        results: shape (1,), dtype RESULT. Changed.
+    """
+    records = loop_records(loop)
+    judge(records, results[0])
+    plant = records.vehicle.plant
+    follow_pieces(
+        plant.events,
+        plant.event_count,
+        loop.true.jettisons,
+        pieces,
+        variations[0].ballistic_coefficient,
+        records.true.environment,
+        records.true.atmosphere,
+        results[0].falls,
+    )
