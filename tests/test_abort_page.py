@@ -50,6 +50,7 @@ def test_a_place_that_is_pointed_at_tells_its_failure(read_file, page_of_map):
     )
 
 
+@pytest.mark.trial
 def test_one_json_object(ares):
     done = ares("aborts", "--mission", "saturn_v_as506", "--step-s", "400", "--json")
     assert done.returncode == 0, done.stderr

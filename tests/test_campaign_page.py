@@ -26,6 +26,7 @@ def test_flights_that_failed_stand_apart(read_file, page_of_many):
     assert bars == ["success", "failure", "each failure"]
 
 
+@pytest.mark.trial
 def test_a_flight_that_is_pointed_at_is_named(read_file, page_of_many):
     page = read_file(page_of_many, "wide", "light")
     told = page.locator(".pointed")

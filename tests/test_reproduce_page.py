@@ -128,6 +128,7 @@ def test_the_button_changes_the_theme_of_page_and_plots(read_page):
     assert not [text for text in page.evaluate(TEXTS) if text["contrast"] < LEAST_CONTRAST]
 
 
+@pytest.mark.trial
 def test_the_contents_can_be_tapped(read_page):
     page = read_on_a_phone(read_page)
     assert page.evaluate("!document.querySelector('.toc details').open")

@@ -268,6 +268,7 @@ def parked(name: str, perigee_m: float, apogee_m: float, **keys: float) -> Missi
         ],
     ),
 )
+@pytest.mark.trial
 def test_a_coast_is_flown_on_the_orbit_it_names(
     solutions: dict[str, Solution], name: str, perigee_m: float, apogee_m: float
 ) -> None:

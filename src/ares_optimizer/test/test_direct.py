@@ -128,6 +128,7 @@ def random_guess(start, rng):
 
 
 @pytest.mark.parametrize("method", ["direct11", "direct20", "jump"])
+@pytest.mark.trial
 def test_random_guesses(ares_v, method):
     rng = np.random.default_rng(20080801)
     start = ares_v.start().navigation()

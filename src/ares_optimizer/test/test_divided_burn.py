@@ -119,6 +119,7 @@ target: {perigee_altitude_m: 4120000.0, apogee_altitude_m: 35786000.0, inclinati
 """
 
 
+@pytest.mark.trial
 def test_burns_at_perigee_raise_the_apogee_in_steps_within_their_propellant() -> None:
     mission = parse_mission(TANKS, "tanks.yaml")
     arrays, start = mission.arrays(), mission.start().navigation()

@@ -116,6 +116,7 @@ def test_remainder_with_coasts_ramps_and_a_tail_off(saturn, method, to_go):
 
 
 @pytest.mark.parametrize("name", ["ares_v", "saturn_v_as506"])
+@pytest.mark.trial
 def test_no_wrong_success_close_to_cut_off(ares_v, saturn, name):
     """Start a few metres off close to cut-off: a loop of 420 s is an extremal, not the optimum."""
     optimum = {"ares_v": ares_v, "saturn_v_as506": saturn}[name]
@@ -137,6 +138,7 @@ def test_no_wrong_success_close_to_cut_off(ares_v, saturn, name):
     assert solved >= states // 3
 
 
+@pytest.mark.trial
 def test_the_short_burn_is_found_where_a_loop_is_an_extremal_too(ares_v):
     """Start 2 ms before cut-off, off by 3 m per axis: a loop of 5 km/s is an extremal as well."""
     found = 0

@@ -437,6 +437,7 @@ class TestGuesses:
         again = solve(flight, "direct14", guess=solved[MIDDLE])
         assert again.m_f_kg == pytest.approx(solved[MIDDLE].m_f_kg, abs=5e-3)
 
+    @pytest.mark.trial
     def test_without_a_direction_the_solver_aims(self, solved):
         """Treat zeros as unknown: a guided flight gives the first direction."""
         flight = mission(MIDDLE)

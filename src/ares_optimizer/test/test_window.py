@@ -60,6 +60,7 @@ def test_a_launch_beside_a_known_one_begins_at_its_flight(station: Window) -> No
 
 
 @pytest.mark.trial
+@pytest.mark.trial
 def test_a_known_flight_that_one_start_led_to_is_not_evidence_enough(station: Window) -> None:
     later = launched_later(station.best.mission, 90.0)
     known = replace(station.best.solution, status=Status.FEASIBLE)

@@ -285,6 +285,7 @@ def test_the_optima_from_the_pad_know_of_the_air(from_pad):
 
 
 @pytest.mark.trial
+@pytest.mark.trial
 def test_guidance_from_the_pad_is_near_the_optimizer_that_was_told(from_pad):
     share = from_pad.shares(told=True)["all"]
     assert share.count >= 0.9 * share.of

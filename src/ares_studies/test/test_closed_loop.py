@@ -110,6 +110,7 @@ def test_a_thousand_dispersed_starts_all_arrive(ares_v, seeds):
 
 
 @pytest.mark.parametrize(("law", "count"), [("peg", 200), ("igm", 100)])
+@pytest.mark.trial
 def test_thrust_impulse_mass_and_density_dispersions_arrive_too(ares_v, law, count):
     dispersions = Dispersions(
         initial_position_m=1000.0,

@@ -400,6 +400,7 @@ def test_a_flight_in_the_wind_is_planned_with_it_and_arrives(windy, law):
 
 
 @pytest.mark.trial
+@pytest.mark.trial
 def test_a_tail_wind_is_worth_mass_and_its_limits_are_kept(limited, windy):
     _, calm = limited
     mission, solution = windy
@@ -476,6 +477,7 @@ def throttled():
     return mission, solve(mission, "auto")
 
 
+@pytest.mark.trial
 def test_a_throttle_bucket_is_planned_where_the_pressure_is_high(throttled):
     mission, plan = throttled
     names = ("first, vertical rise", "first", "first, throttled", "first, full thrust again")
@@ -1106,6 +1108,7 @@ def test_what_solids_give_too_much_is_wasted_by_every_law(law):
         pytest.param("h1_gto_pad", 2, 0.0, 0.01, marks=pytest.mark.trial),
     ],
 )
+@pytest.mark.trial
 def test_a_spun_stage_is_planned_and_flown(name, number, length_s, within_s):
     """Find the length of the arc that decides, and hold the attitude that the plan needs."""
     mission = load_mission(str(MISSIONS / f"{name}.yaml"))
@@ -1135,6 +1138,7 @@ KICKED = {"diamant_a_pad": 391.62, "delta_echo1_pad": 903.36}
 
 
 @pytest.mark.parametrize("name", one_in(2, KICKED))
+@pytest.mark.trial
 def test_a_last_stage_that_burns_whole_circularises_at_the_apogee(name):
     """Plan ascents that end far below orbital speed, which no first guess did."""
     mission = load_mission(str(MISSIONS / f"{name}.yaml"))
@@ -1451,6 +1455,7 @@ def test_a_law_takes_over_where_it_finds_its_way():
 
 
 @pytest.mark.parametrize("minutes", [pytest.param(-5, marks=pytest.mark.trial), 5])
+@pytest.mark.trial
 def test_costs_beside_the_best_launch_time_are_those_of_flights(minutes):
     best = launched_later(load_mission("falcon9_iss_pad"), -86.0)
 

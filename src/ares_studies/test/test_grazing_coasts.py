@@ -131,6 +131,7 @@ def test_three_stages_graze_the_ground_and_arrive(name, law):
 
 @pytest.mark.parametrize("law_name", LAWS)
 @pytest.mark.parametrize("floor", one_in(3, FLOORS))
+@pytest.mark.trial
 def test_a_law_keeps_the_floor_and_what_the_plan_has(floor, law_name):
     mission, level = dipping(floor), FLOORS[floor][1]
     arrays = mission.arrays()

@@ -121,6 +121,7 @@ def test_progress_names_every_part(report, progress):
     assert progress == parts()
 
 
+@pytest.mark.trial
 def test_texts_and_values_agree(report):
     for key, table in tables(report):
         for row in table.rows:

@@ -118,6 +118,7 @@ def test_each_quantity_has_a_stream_of_its_own(ares_v, draws):
         assert alone.draw(0, 20).inputs == pytest.approx(inputs[:, columns], abs=0.0)
 
 
+@pytest.mark.trial
 def test_seeds_and_columns_are_independent(ares_v):
     one, two, even = (
         draw(ares_v, 2000, seed=seed, **EVERYTHING, draws=draws).inputs
