@@ -417,6 +417,7 @@ def test_a_short_burn_begins_where_an_oblate_orbit_passes_a_round_target() -> No
     assert solution.lengths_s == pytest.approx((2_836.9,), abs=1.0)
 
 
+@pytest.mark.trial
 def test_a_target_beyond_the_propellant_is_infeasible_and_says_how_much_is_short() -> None:
     mission = load_mission("falcon9_gto")
     arrays = mission.arrays()

@@ -74,6 +74,7 @@ def test_below_a_solid_what_the_stage_with_the_free_burn_is_short_of_is_told() -
     assert "propellant of stage 1: " in found.reason
 
 
+@pytest.mark.trial
 def test_below_a_solid_the_stage_with_the_free_burn_runs_dry() -> None:
     mission = kick_by_item(150.0)
     found = greatest_payload(mission)
