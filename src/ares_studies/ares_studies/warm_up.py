@@ -31,6 +31,9 @@ from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import STANDARD_PAD, load_dispersions
 from ares_vehicle_sim.falls import find_falls
 
+#: Laws compiled beside the indirect methods; all others in the second process.
+FIRST_LAWS = ("optimal", "igm")
+
 
 def plan_from_pad() -> None:
     """Plan the mission that `ares fly` flies by default, if what solves is installed."""
@@ -92,7 +95,7 @@ def compile_optimum() -> None:
     solve(load_mission("ares_v"), "collocation")
     plan_from_pad()
     solve(load_mission("ares_v"), "closed_form", verify=False)
-    compile_laws("optimal", "igm")
+    compile_laws(*FIRST_LAWS)
 
 
 def compile_others() -> None:
@@ -103,7 +106,7 @@ def compile_others() -> None:
     # those of others first: their laws load the kernels from the cache
     for method in (*registered(GROUP), "direct11", "jump"):
         solve(load_mission("ares_v"), method)
-    compile_laws(*sorted({*law_names()} - {PEG.name, "optimal", "igm"}))
+    compile_laws(*sorted({*law_names()} - {PEG.name, *FIRST_LAWS}))
     compile_pages()
     compile_plans()
 
