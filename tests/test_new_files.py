@@ -134,6 +134,15 @@ def test_files_whose_names_are_words_of_the_verb(capfd):
         assert out.startswith("template  valid")
 
 
+def test_a_mission_is_shown_with_the_figures_of_its_stages(capfd):
+    status, out, _ = run(capfd, "missions", "delta_iii_pad", "electron_sso_pad")
+    assert status == 0
+    lines = [line.split() for line in out.splitlines()]
+    assert ["6", "six", "solids", "75.2", "283.3"] in lines
+    # kg, thrust to weight, s, s, m/s
+    assert ["kick", "stage", "230", "0.05", "1,046.0", "320.0", "600"] in lines
+
+
 def test_missions_may_be_named_after_the_word_list(capfd):
     _, listed, _ = run(capfd, "missions", "delta_iii")
     assert run(capfd, "missions", "list", "delta_iii") == (0, listed, "")

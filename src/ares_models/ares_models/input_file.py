@@ -150,6 +150,11 @@ def format_number(value: float) -> str:
     return re.sub(r"e([-+])0*", lambda found: f"e{found[1]}".rstrip("+"), f"{value:g}")
 
 
+def format_kilograms(mass: float) -> str:
+    """Format a mass, kg, with all digits before the point and six in all at least."""
+    return f"{mass:,.0f}" if mass >= 1e5 else f"{mass:,.6g}"
+
+
 def _short(text: str) -> str:
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 

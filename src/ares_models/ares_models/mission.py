@@ -19,7 +19,7 @@ from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_valida
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, exponential, nrlmsis
 from ares_models.earth import Earth
-from ares_models.input_file import InputError, InputKind, read_text
+from ares_models.input_file import InputError, InputKind, format_kilograms, read_text
 from ares_models.input_model import parse_model
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission_arcs import BurnArc, CoastArc, shortest
@@ -413,13 +413,15 @@ class Mission(Part):
 
         Stages have their ignition masses, which a file with masses by item does not name.
         """
+        separator = "; " if any("," in name for name in self.jettison_names) else ", "
         return {
             "name": self.name,
             "title": self.title,
             "stages": ", ".join(
-                f"{name} {self.ignition_mass(i):,.6g} kg" for i, name in enumerate(self.stage_names)
+                f"{name} {format_kilograms(self.ignition_mass(i))} kg"
+                for i, name in enumerate(self.stage_names)
             ),
-            "jettisons": ", ".join(self.jettison_names) or "none",
+            "jettisons": separator.join(self.jettison_names) or "none",
             "target": self.target.describe(),
             "source": " ".join(self.source.split()),
         }

@@ -49,7 +49,7 @@ class Booster(Part):
     burn_time_s: allowed.Duration | None = optional("its mass flow follows")
     isp_s: allowed.SpecificImpulse | None = optional("vacuum, in place of burn_time_s")
     thrust_table: allowed.ThrustTable | None = optional(
-        "in place of thrust_n: vacuum thrust after ignition, knots [seconds, newtons]; "
+        "in place of thrust_n: vacuum thrust after its own ignition, knots [seconds, newtons]; "
         "the mass flow is in proportion"
     )
     exit_area_m2: allowed.Area | None = optional("of its nozzle")

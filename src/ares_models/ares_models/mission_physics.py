@@ -5,7 +5,7 @@ Each number has passed its own range before; these checks combine several.
 """
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ares_models.input_file import KeyPath, format_number
 from ares_models.kernels.aerodynamics import pressure_loss
@@ -79,6 +79,38 @@ def check_engines(mission: "Mission") -> None:
         fail(path, last.propellant_kg, f"at most {most:.9g} kg of the last stage")
 
 
+class LiftOff(NamedTuple):
+    """Hold thrust and weight on the pad.
+
+    Attributes:
+        vacuum_n: thrust without air.
+        ambient_n: what the pressure of the air takes.
+        weight_n: of the whole vehicle.
+    """
+
+    vacuum_n: float
+    ambient_n: float
+    weight_n: float
+
+    @property
+    def ratio(self) -> float:
+        """Return thrust in the air over weight; 0 if the air takes all thrust."""
+        return max(0.0, self.vacuum_n - self.ambient_n) / self.weight_n
+
+
+def lift_off(mission: "Mission") -> LiftOff:
+    """Compute thrust and weight of a vehicle whose first arc is a burn, where it begins."""
+    arrays, start = mission.arrays(), mission.start()
+    first, environment = arrays.arcs[0], arrays.environment[0]
+    r = tuple(start.position.tolist())
+    fraction = start_value(first, 0.0) if first["tabled"] else 1.0
+    return LiftOff(
+        float(fraction * first["thrust"]),
+        pressure_loss(first, r, environment, arrays.atmosphere),
+        start.mass_kg * math.hypot(*gravity(r, environment)),
+    )
+
+
 def check_lift_off(mission: "Mission") -> None:
     """Check that a vehicle at rest on its pad leaves it: thrust in its air against weight.
 
@@ -91,20 +123,13 @@ def check_lift_off(mission: "Mission") -> None:
     path: KeyPath = ("stages", 0, *mission.stages[0].arc_path(0))
     if not isinstance(arc, BurnArc):
         fail((*path, "coast_s"), arc.coast_s, "a burn, from the pad")
-    arrays, start = mission.arrays(), mission.start()
-    first, environment = arrays.arcs[0], arrays.environment[0]
-    r = tuple(start.position.tolist())
-    ambient = pressure_loss(first, r, environment, arrays.atmosphere)
-    fraction = start_value(first, 0.0) if first["tabled"] else 1.0
-    vacuum = float(fraction * first["thrust"])
-    net = vacuum - ambient
-    weight = start.mass_kg * math.hypot(*gravity(r, environment))
-    if net > weight:
+    vacuum, ambient, weight = forces = lift_off(mission)
+    if forces.ratio > 1.0:
         return
     expected = (
-        f"more thrust than weight at lift-off: {max(0.0, net):,.0f} N at the air pressure of the "
-        f"pad ({vacuum:,.0f} N in vacuum, {ambient:,.0f} N less by exit_area_m2), weight "
-        f"{weight:,.0f} N, ratio {max(0.0, net) / weight:.2f}"
+        f"more thrust than weight at lift-off: {max(0.0, vacuum - ambient):,.0f} N at the air "
+        f"pressure of the pad ({vacuum:,.0f} N in vacuum, {ambient:,.0f} N less by exit_area_m2), "
+        f"weight {weight:,.0f} N, ratio {forces.ratio:.2f}"
     )
     late = [one for one in mission.stages[0].boosters if one.ignition_s > 0.0]
     if late:

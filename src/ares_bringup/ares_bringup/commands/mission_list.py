@@ -3,13 +3,17 @@
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.doubts import show_warnings
 from ares_bringup.report import console
+from ares_models.input_file import format_kilograms
 from ares_models.mission import Mission, list_missions, load_mission
+from ares_models.stage_figures import stage_figures
 from ares_vehicle_sim.dispersions import DISPERSIONS, load_dispersions
 
 #: Description of a file: label and text of each row.
@@ -31,12 +35,21 @@ def show_missions(names: Sequence[str] = ()) -> int:
     """Print a table of missions; the fault of an invalid one is one line on standard error.
 
     Args:
-        names: names or paths; empty: all shipped missions.
+        names: names or paths, each shown with the figures of its stages; empty: all shipped
+            missions.
 
     Returns:
         0, or 2 if one of them is invalid.
     """
-    return _show(names or list_missions(), _mission_rows)
+    if not names:
+        return _show(list_missions(), _mission_rows)
+    status = 0
+    for name in names:
+        wrong = _show([name], partial(_mission_rows, keys=("jettisons", "target")))
+        status = wrong or status
+        if not wrong:
+            console().print(Padding(_stage_table(load(name)), (0, 0, 0, 2)))
+    return status
 
 
 def show_dispersions(names: Sequence[str] = ()) -> int:
@@ -51,7 +64,9 @@ def show_dispersions(names: Sequence[str] = ()) -> int:
     return _show(names or DISPERSIONS.shipped(), _dispersions_rows)
 
 
-def _mission_rows(name: str) -> tuple[str, Rows]:
+def _mission_rows(
+    name: str, keys: Sequence[str] = ("stages", "jettisons", "target")
+) -> tuple[str, Rows]:
     mission = load(name)
     show_warnings(name)
     texts = mission.describe()
@@ -61,7 +76,31 @@ def _mission_rows(name: str) -> tuple[str, Rows]:
         if mission.held.speed_m_s > 0.0:
             held += f", at {mission.held.speed_m_s:.1f} m/s"
         rows.append(("released", held))
-    return mission.name, rows + [(key, texts[key]) for key in ("stages", "jettisons", "target")]
+    return mission.name, rows + [(key, texts[key]) for key in keys]
+
+
+def _stage_table(mission: Mission) -> Table:
+    """Tabulate what shows a slip in the numbers of a stage: T/W, burn time, Isp and delta-V."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    table.add_column("stage")
+    for head in ("kg", "T/W", "burn, s", "Isp, s", "delta-V, m/s"):
+        table.add_column(head, justify="right", no_wrap=True)
+    stages = stage_figures(mission)
+    for stage in stages:
+        table.add_row(
+            Text(stage.name),
+            format_kilograms(stage.ignition_mass_kg),
+            f"{stage.thrust_to_weight:.2f}",
+            f"{stage.burn_time_s:,.1f}",
+            ", ".join(f"{isp:.1f}" for isp in stage.isp_s),
+            f"{stage.delta_v_m_s:,.0f}",
+        )
+        for count, name, burn_s, isp in stage.boosters:
+            table.add_row(Text(f"  {count} {name}"), "", "", f"{burn_s:,.1f}", f"{isp:.1f}", "")
+    if len(stages) > 1:
+        total = sum(stage.delta_v_m_s for stage in stages)
+        table.add_row("in all", "", "", "", "", f"{total:,.0f}")
+    return table
 
 
 def _dispersions_rows(name: str) -> tuple[str, Rows]:
