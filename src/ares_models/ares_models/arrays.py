@@ -63,6 +63,10 @@ NAMES_INCLINATION = 256
 NAMES_ASCENDING_NODE = 512
 NAMES_ARGUMENT_OF_PERIGEE = 1024
 NAMES_TRUE_ANOMALY = 2048
+#: Beside them: the ascent from the pad leads to the north or to the south of east or west.
+HEADS_NORTH = 4096
+HEADS_SOUTH = 8192
+HEADINGS = HEADS_NORTH | HEADS_SOUTH
 
 AREA_CIRCLE = 0
 AREA_POLYGON = 1
@@ -153,7 +157,7 @@ TARGET = np.dtype(
         ("argument_of_perigee", np.float64),
         # of TARGET_ELEMENTS only: size, shape and anomaly of the orbit aimed at; elements that
         # are not named are free
-        ("named", np.int64),  # NAMES_*
+        ("named", np.int64),  # NAMES_*, HEADS_*
         ("perigee_radius", np.float64),
         ("apogee_radius", np.float64),  # inf: escape
         ("c3", np.float64),  # m2/s2, twice the energy

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, PrivateAttr, model_validator
 
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, exponential, nrlmsis
@@ -40,6 +40,7 @@ from ares_models.mission_parts import (
 from ares_models.mission_pieces import DroppedPiece, dropped_pieces
 from ares_models.mission_programme import ProgrammePart
 from ares_models.mission_release import HoldDown, release
+from ares_models.mission_shorthand import on_earth, with_inclination
 from ares_models.mission_start import EXPECTED_START, InitialState
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_target import (
@@ -109,8 +110,14 @@ class Start:
         return record
 
 
+#: Block that a file may leave out: :func:`on_earth` writes it.
+_BODY = "environment"
+
+
 class Mission(Part):
     """Hold the checked content of a mission file."""
+
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema["required"].remove(_BODY))
 
     name: Annotated[str, Field(strict=True, pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=64)] = (
         Field(description="at most 64 small letters, digits, underscores")
@@ -122,7 +129,9 @@ class Mission(Part):
     epoch: Moment | None = optional(
         "date and time of mission time 0, ISO 8601; UTC if no zone is given"
     )
-    environment: EnvironmentPart = Field(description="body, gravity, atmosphere")
+    environment: EnvironmentPart = Field(
+        description="body, gravity, atmosphere; the Earth where it names no body"
+    )
     initial_state: InitialState = Field(description="where the flight begins, in one of six forms")
     aerodynamics: AerodynamicsPart | None = added_later(
         "forces of the air on all stages without their own"
@@ -160,7 +169,7 @@ class Mission(Part):
     @classmethod
     def _at_release(cls, data: Any, check: ModelWrapValidatorHandler["Mission"]) -> "Mission":
         """Check the mission as its file has it; begin it at its release from pad or rail."""
-        data = end_at_depletion(data)
+        data = with_inclination(end_at_depletion(on_earth(data)), check)
         mission, held = release(data, check(data), check)
         mission._held = held
         return mission

@@ -16,6 +16,7 @@ from ares_models.mission_parts import Stage
 from ares_models.mission_physics import check_body, check_engines, check_flight_time, check_lift_off
 from ares_models.mission_programme import check_programme, flown_whole
 from ares_models.mission_start import check_initial_state
+from ares_models.mission_target import check_heading
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -52,6 +53,7 @@ def check_mission(mission: "Mission") -> None:
     mission.target.check(mission)
     # reports a node that cannot be placed, such as one without an epoch
     mission.target.node_deg(mission)
+    check_heading(mission)
     check_areas(mission)
 
 

@@ -187,6 +187,24 @@ BurnTime = Annotated[
     | Annotated[Literal["free", "depletion"], _one_of_words("free", DEPLETION), Tag("<word>")],
     Discriminator(_is_word),
 ]
+#: Inclination at which J2 turns the node as fast as the sun moves.
+SUN_SYNCHRONOUS = "sun_synchronous"
+
+
+def _degrees(value: object) -> object:
+    if isinstance(value, str):
+        fail((), value, f"a number from 0 to 180 in deg, or the word {SUN_SYNCHRONOUS}")
+    return value
+
+
+#: Inclination of a target orbit. Before a mission is checked a number takes the place of the word.
+OrbitInclination = Annotated[
+    Inclination,
+    BeforeValidator(_degrees),
+    WithJsonSchema(
+        {"anyOf": [{"type": "number", "minimum": 0, "maximum": 180}, {"const": SUN_SYNCHRONOUS}]}
+    ),
+]
 Moment = Annotated[
     datetime,
     BeforeValidator(_moment),

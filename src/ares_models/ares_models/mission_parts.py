@@ -94,7 +94,17 @@ class AtmospherePart(Part):
 
 
 class EnvironmentPart(Part):
-    """Hold gravity, body, altitude model and atmosphere."""
+    """Hold gravity, body, altitude model and atmosphere; the Earth where no body is named."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "required": [],
+            "dependentRequired": {
+                "mu_m3_s2": ["earth", "atmosphere"],
+                "earth": ["mu_m3_s2", "atmosphere"],
+            },
+        }
+    )
 
     mu_m3_s2: allowed.GravitationalParameter = Field(description="gravitational parameter")
     g0_m_s2: allowed.StandardGravity = Field(

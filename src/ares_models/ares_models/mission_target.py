@@ -32,6 +32,7 @@ _FLAT = 1e-6
 CharacteristicEnergy = Annotated[float, Range(-1e10, 1e10)]
 
 
+_HEADINGS = {"north": layout.HEADS_NORTH, "south": layout.HEADS_SOUTH}
 _NODES = ("ascending_node_deg", "raan_deg", "local_time_of_node_h")
 
 
@@ -43,6 +44,9 @@ class _TargetPlane(Part):
     )
     local_time_of_node_h: allowed.LocalTime | None = added_later(
         "in place of ascending_node_deg: mean solar time there at the epoch"
+    )
+    launch_heading: Literal["north", "south"] | None = added_later(
+        "from a pad, where the node is free: which of the two planes over it is flown"
     )
 
     @model_validator(mode="after")
@@ -71,6 +75,8 @@ class _TargetPlane(Part):
 
     def describe_node(self) -> str | None:
         """Describe the node in a few words; None if free."""
+        if self.launch_heading is not None:
+            return f"launch to the {self.launch_heading}"
         texts = {
             "ascending_node_deg": "node {:g} deg",
             "raan_deg": "RAAN {:g} deg",
@@ -173,7 +179,9 @@ class TargetOrbit(_TargetPlane):
     semi_major_axis_m: allowed.AnySemiMajorAxis | None = optional("negative for a hyperbola")
     eccentricity: allowed.AnyEccentricity | None = optional("beside another of size and shape")
     c3_m2_s2: CharacteristicEnergy | None = optional("twice the energy: 0 or more escapes")
-    inclination_deg: allowed.Inclination | None = optional("to the equator")
+    inclination_deg: allowed.OrbitInclination | None = optional(
+        "to the equator, or sun_synchronous, by J2"
+    )
     ascending_node_deg: allowed.Turn | None = optional("from the inertial x axis")
     argument_of_perigee_deg: allowed.Turn | None = optional("from the node")
     argument_of_latitude_deg: allowed.Turn | None = added_later(
@@ -516,6 +524,25 @@ def leaves_end_free(target: np.void) -> bool:
     return bool(target["kind"] == layout.TARGET_ELEMENTS and sizes == 2 and not placed)
 
 
+def check_heading(mission: "Mission") -> None:
+    """Report a launch heading where not both planes of an inclination pass over the start.
+
+    Raises:
+        PydanticCustomError: the node is given, no inclination is, or there is no pad.
+    """
+    target, path = mission.target, ("target", "launch_heading")
+    if target.launch_heading is None:
+        return
+    if target.node_deg(mission) is not None:
+        expected = f"no such key beside {target.node_key or 'dla_deg'}"
+        fail(path, target.launch_heading, expected)
+    if target.inclination_deg is None:
+        fail(("target", "inclination_deg"), None, "a number in deg beside launch_heading")
+    if not mission.initial_state.ON_GROUND:
+        expected = "no such key: the flight does not begin relative to the ground"
+        fail(path, target.launch_heading, expected)
+
+
 def target_record(mission: "Mission") -> NDArray[np.void]:
     """Compile the target of a mission, shape (1,), dtype TARGET."""
     record = orbit_record(mission.target, mission)
@@ -541,4 +568,6 @@ def orbit_record(target: Target, mission: "Mission") -> NDArray[np.void]:
     if node is not None:
         record["ascending_node"] = math.radians(node)
     target.write(record, mission)
+    if target.launch_heading is not None:
+        record["named"] |= _HEADINGS[target.launch_heading]
     return record

@@ -1205,7 +1205,6 @@ def test_part_that_does_not_go_with_another_is_told_without_its_content():
 @pytest.mark.parametrize(
     ("block", "expected"),
     [
-        ("environment", "a mapping with mu_m3_s2, earth and atmosphere"),
         ("initial_state", "time_s and one of six forms, such as geodetic_latitude_deg, longitude"),
         ("stages", "a list, each with name, dry_mass_kg, propellant_kg, thrust_n, isp_s and "),
         ("target", "an orbit by its elements, such as perigee_altitude_m, apogee_altitude_m and "),
@@ -1222,6 +1221,15 @@ def test_a_whole_block_that_is_not_there_names_its_keys(block, expected, found):
     said = str(refused.value)
     assert f"{block} is {found}; expected {expected}" in said
     assert "; also" not in said
+
+
+@pytest.mark.parametrize("found", ["3", "empty"])
+def test_an_environment_that_is_no_mapping_names_its_keys(found):
+    text = re.sub(r"environment:\n(  .*\n)+", "", TEMPLATE.read_text())
+    text += {"3": "environment: 3\n", "empty": "environment:\n"}[found]
+    said = rf"environment is {found}; expected a mapping with mu_m3_s2, earth and atmosphere"
+    with pytest.raises(MissionError, match=said):
+        parse_mission(text, "my.yaml")
 
 
 @pytest.mark.parametrize("block", ["earth", "atmosphere"])

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from ares_models.arrays import (
     COAST,
+    HEADINGS,
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
@@ -228,7 +229,8 @@ def try_other_plane(search: Search) -> None:
     """
     best, start, target = search.best, search.start, search.arrays.target[0]
     named = int(judged_by(target))
-    one_plane = named & NAMES_ASCENDING_NODE or not named & NAMES_INCLINATION
+    node = named & NAMES_ASCENDING_NODE or int(target["named"]) & HEADINGS
+    one_plane = node or not named & NAMES_INCLINATION
     if best is None or one_plane or plane_from_ground(search.arrays, start) is None:
         return
     up = start["position"][0] / np.linalg.norm(start["position"][0])

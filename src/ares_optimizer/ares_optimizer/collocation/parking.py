@@ -8,6 +8,7 @@ import numpy as np
 
 from ares_models.arrays import (
     BURN,
+    HEADINGS,
     NAMES_APOGEE,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
@@ -148,6 +149,7 @@ def ascent_to(
     if anywhere:
         named = NAMES_ASCENDING_NODE * bool(target["kind"] == TARGET_RADIUS_SPEED_ANGLE_PLANE)
         target["kind"] = TARGET_ELEMENTS
+        named |= int(arrays.target["named"][0]) & HEADINGS
         target["named"] = named | NAMES_PERIGEE | NAMES_APOGEE | NAMES_INCLINATION
         target["perigee_radius"], target["apogee_radius"] = radius, apogee
         target["c3"] = 2.0 * energy
@@ -157,6 +159,7 @@ def ascent_to(
 def without_speed(alone: MissionArrays) -> MissionArrays:
     """Return the mission of an ascent with free speed at its end."""
     target = alone.target.copy()
-    target["named"] = int(judged_by(target[0])) & ~NAMES_SPEED
+    heading = int(target["named"][0]) & HEADINGS
+    target["named"] = int(judged_by(target[0])) & ~NAMES_SPEED | heading
     target["kind"] = TARGET_ELEMENTS
     return alone._replace(target=target)

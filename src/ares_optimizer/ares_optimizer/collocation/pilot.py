@@ -18,6 +18,8 @@ from scipy.optimize import least_squares
 from ares_models.arrays import (
     BURN,
     COAST,
+    HEADINGS,
+    HEADS_SOUTH,
     NAMES_ASCENDING_NODE,
     NAMES_INCLINATION,
     MissionArrays,
@@ -65,6 +67,8 @@ _OFF_EVENTS_S = 0.5
 _VANISHED = 1e-4
 #: Depth below the ground of a track that meets it, m.
 _DEEP_M = 1e3
+#: Sine of the heading up to which a plane over the pad leads to the east or west.
+_EAST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -482,9 +486,33 @@ def plane_from_ground(arrays: MissionArrays, start: NDArray[np.void]) -> Array |
             north = np.cross(up, east)
             across = math.hypot(up[0], up[1])
             sine = min(max(math.cos(tilt) / max(across, 1e-9), -1.0), 1.0)
-            heading = sine * east + math.sqrt(1.0 - sine * sine) * north
+            to_pole = -1.0 if int(target["named"]) & HEADS_SOUTH else 1.0
+            heading = sine * east + to_pole * math.sqrt(1.0 - sine * sine) * north
             normal = np.cross(up, heading)
     return np.asarray(normal / np.linalg.norm(normal))
+
+
+def is_reversed(arrays: MissionArrays, start: NDArray[np.void], end: Array) -> bool:
+    """Return true if a flight ends in the named plane, but the other way round, or heads wrong.
+
+    The equations of a named plane hold there too, and those of an inclination in both planes over
+    a pad.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+        end: position and velocity at the end, shape (6,).
+    """
+    target = arrays.target[0]
+    normal = np.cross(end[:3], end[3:])
+    if names_plane(arrays):
+        return bool(normal @ np.array(named_plane(target)) < 0.0)
+    heading = int(target["named"]) & HEADINGS
+    if not heading:
+        return False
+    r = start["position"][0]
+    northward = np.cross(normal, r)[2] / (np.linalg.norm(normal) * np.linalg.norm(r))
+    return bool((-northward if heading == HEADS_SOUTH else northward) < -_EAST)
 
 
 def names_plane(arrays: MissionArrays) -> bool:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ares_models.arrays import COAST, LONGEST_FLIGHT, MissionArrays
 from ares_models.floors import Floor, edge_of_air
 from ares_models.kernels.environment import altitude
-from ares_models.kernels.targets import named_plane
 from ares_models.plans import flies_in_air
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.carry import carried_point, carried_variables
@@ -19,7 +18,7 @@ from ares_optimizer.collocation.pilot import (
     TrialFlight,
     are_alike,
     floors_on,
-    names_plane,
+    is_reversed,
 )
 from ares_optimizer.collocation.points import (
     Array,
@@ -225,7 +224,7 @@ class Search:
         self._allow_iterations()
         found = self._found_from(trial)
         self._most_iterations = math.inf
-        if found is not None and not self._underground(found) and not self._is_reversed(found):
+        if found is not None and not self._underground(found) and not self._turns_wrong(found):
             times = times_of(found.program, found.point.x)
             alike = are_alike(times.lengths, trial.times.lengths)
             if times.cutoff - float(self.start["time"][0]) <= LONGEST_FLIGHT:
@@ -272,16 +271,10 @@ class Search:
             if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
         ]
 
-    def _is_reversed(self, found: FoundOptimum) -> bool:
-        """Return true if a flight ends in the named plane, but the other way round.
-
-        The equations of a named plane hold there too.
-        """
-        if not names_plane(self.arrays):
-            return False
+    def _turns_wrong(self, found: FoundOptimum) -> bool:
+        """Return true if a flight ends in another plane than asked, or the other way round."""
         end = found.point.x[6 * found.program.nodes - 6 : 6 * found.program.nodes]
-        normal = np.array(named_plane(self.arrays.target[0]))
-        return bool(np.cross(end[:3], end[3:]) @ normal < 0.0)
+        return is_reversed(self.arrays, self.start, end)
 
     def _solved(self, trial: TrialFlight) -> FoundOptimum | None:
         """Solve from a trial flight; return None on failure."""

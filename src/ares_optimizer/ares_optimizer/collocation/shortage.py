@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ares_models.arrays import COAST
-from ares_optimizer.collocation.ascents import first_guesses, try_known
+from ares_optimizer.collocation.ascents import first_guesses, try_known, try_other_plane
 from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.points import FoundOptimum
 from ares_optimizer.collocation.search import Search
@@ -39,11 +39,13 @@ class Shortage(NamedTuple):
     @property
     def cause(self) -> Cause:
         """Return the cause of a failed search."""
+        short = self.burnt - self.usable
+        digits = 0 if short >= 1.0 else 2
         return Cause(
             Status.INFEASIBLE if self.sure else Status.STALLED,
-            f"propellant of {self.stage}: {self.burnt - self.usable:,.0f} kg short, the best "
-            f"flight {'takes' if self.sure else 'found takes'} {self.burnt:,.0f} kg of "
-            f"{self.usable:,.0f} kg",
+            f"propellant of {self.stage}: {short:,.{digits}f} kg short, the best flight "
+            f"{'takes' if self.sure else 'found takes'} {self.burnt:,.{digits}f} kg of "
+            f"{self.usable:,.{digits}f} kg",
         )
 
 
@@ -78,6 +80,7 @@ def short_of_propellant(search: Search) -> Shortage | None:
             if far or more.again >= _SURE:
                 break
         more.try_start(trial)
+    try_other_plane(more)
     search.iterations += more.iterations
     if more.best is None or (search.request.deadline.passed and not more.is_conclusive):
         return None

@@ -150,6 +150,8 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
         parked = deepcopy(found["vulcan_gto"])
         parked["stages"][0]["arcs"][2] |= _PARKING
         found["parked"] = parked
+        found["headed"] = deepcopy(found["electron_sso_pad"])
+        found["headed"]["target"]["launch_heading"] = "south"
         dated = found["ares_v"] | {"epoch": _EPOCH}
         found |= {name: dated | {"target": dict(of)} for name, of in _DATED.items()}
     return found
