@@ -84,6 +84,13 @@ _DATED: Mapping[str, Mapping[str, object]] = {
     },
 }
 _EPOCH = "2026-01-01T12:00:00Z"
+#: End of an ascent from a pad.
+_STATE = {
+    "radius_m": 6678137.0,
+    "speed_m_s": 7725.8,
+    "flight_path_angle_deg": 0.0,
+    "inclination_deg": 97.4,
+}
 #: Starts relative to the ground.
 _STARTS: Mapping[str, Mapping[str, object]] = {
     "over_ground": {
@@ -150,8 +157,9 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
         parked = deepcopy(found["vulcan_gto"])
         parked["stages"][0]["arcs"][2] |= _PARKING
         found["parked"] = parked
-        found["headed"] = deepcopy(found["electron_sso_pad"])
-        found["headed"]["target"]["launch_heading"] = "south"
+        pad = found["electron_sso_pad"]
+        for name, of in (("headed", pad["target"]), ("headed_to_a_state", _STATE)):
+            found[name] = pad | {"target": {**of, "launch_heading": "south"}}
         dated = found["ares_v"] | {"epoch": _EPOCH}
         found |= {name: dated | {"target": dict(of)} for name, of in _DATED.items()}
     return found
