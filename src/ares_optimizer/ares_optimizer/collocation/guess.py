@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,8 @@ _LIKELY = 2
 #: of lengths up to which two such flights are one.
 ROUND = 0.01
 _SAME_ARCS = 0.02
+#: Other length of free burns before the last one, relative to the longest.
+_MAIN_BURN = 0.9
 #: Length of a burn, relative to the longest, below which it is not needed.
 _NEEDLESS = 0.01
 #: Fraction of the target's apogee at which a burn towards it ends.
@@ -180,10 +183,16 @@ def _has_limits(arrays: MissionArrays) -> bool:
 
 
 def _best_first(pilot: Pilot) -> Iterator[TrialFlight]:
-    """Fit the steering of a flight without free coasts; yield a good fit at once."""
+    """Fit the steering of a flight without free coasts; yield a good fit at once.
+
+    Free burns before the last one end on the target's energy, then a little before their stage is
+    empty: a weak last burn, such as that of verniers alone, may be longer than the first fit finds.
+    """
     others = []
-    for constants, known in _start_constants(pilot):
-        times = _first_times(pilot, constants, known, {})
+    burns = {k: _MAIN_BURN * pilot.longest(k) for k in pilot.free}
+    splits = [{}, burns] if burns else [{}]
+    for split, (constants, known) in product(splits, list(_start_constants(pilot))):
+        times = _first_times(pilot, constants, known | split, {})
         if times is None:
             continue
         trial, _ = pilot.aim(times, constants)
