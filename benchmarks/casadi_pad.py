@@ -58,8 +58,9 @@ GROWTH = 0.15
 #: A coast has one interval below the first length, 12 below the second, s.
 SHORT_S = 60.0
 LONG_S = 6000.0
-#: Limits of one call of IPOPT.
+#: Limits of one call of IPOPT, and other ones on finer intervals.
 LIMITS = {"ipopt.tol": 1e-8, "ipopt.max_iter": 150, "ipopt.max_cpu_time": 6.0}
+FINE_LIMITS = {"ipopt.max_iter": 600, "ipopt.max_cpu_time": 90.0}
 
 
 @dataclass(frozen=True)
@@ -362,6 +363,7 @@ class Program:
             fine: intervals are so many times shorter.
         """
         self.launch = launch
+        self._fine = fine
         self.where = {j: place[0] for j, place in guess.heat.items()}
         self.pieces: list[Piece] = []
         self.base: list[int] = []
@@ -466,7 +468,9 @@ class Program:
         self._sizes = [row.shape[0] for row in self._g]
         mass_unit = float(arcs[-1]["stack_mass"])
         nlp = {"x": ca.vertcat(*self._x), "f": -masses[-1] / mass_unit, "g": ca.vertcat(*self._g)}
-        return ca.nlpsol("pad", "ipopt", nlp, OPTIONS | LIMITS)
+        return ca.nlpsol(
+            "pad", "ipopt", nlp, OPTIONS | LIMITS | (FINE_LIMITS if self._fine > 1.0 else {})
+        )
 
     def _edges_of(self, k: int, now: float, length: float, fine: float) -> Array:
         """Return the edges of the intervals of a piece as shares of it."""
