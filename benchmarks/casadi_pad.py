@@ -157,6 +157,7 @@ class Launch:
         odd = burns["held"].any() or np.isfinite(burns["max_acceleration"]).any()
         odd = odd or burns["tail_knots"].any() or (jettisons["criterion"] == MISSION_TIME).any()
         odd = odd or arcs["across_knots"].any() or arcs["body_axes"].any()
+        odd = odd or arcs["min_perigee_radius"].any() or arcs["orbit"]["named"].any()
         if odd or self.environment["wind"]["knots"] or self.environment["boost"]["knots"]:
             raise ValueError("the peer leaves out what this mission has")
 

@@ -52,7 +52,6 @@ from ares_optimizer.collocation.pilot import (
 from ares_optimizer.collocation.points import (
     FoundOptimum,
     jettison_times_of,
-    lowest_in,
     times_of,
 )
 from ares_optimizer.collocation.search import ENOUGH, LEAST_MET, LocalOptimum, Search
@@ -80,6 +79,8 @@ _MOST_AFTER = 4
 #: Most first guesses with a coast to the apogee: to find a flight better than the best, and to
 #: confirm it.
 _MOST_TO_APOGEE = 3
+#: Most local optima beside the best one that are mirrored.
+_MOST_IMAGES = 2
 #: Miss of a trial flight from which it is no first guess: it goes through the ground.
 _HOPELESS = 100.0
 #: Share of the greatest final mass from which a flight must be tried.
@@ -88,8 +89,6 @@ _NEARLY_BEST = 0.99
 _EASTWARD = 1.0 - 1e-7
 #: Heating that counts as none, W/m2.
 _NO_HEATING_W_M2 = 1e-30
-#: Distance from a floor up to which a coast begins on it, m.
-_ON_FLOOR_M = 10.0
 
 _Found = TypeVar("_Found")
 
@@ -217,12 +216,12 @@ def _with_coasts(search: Search, ascent: FoundOptimum) -> Iterator[TrialFlight]:
 def try_other_plane(search: Search) -> None:
     """Solve the best flight from the pad in the other plane of the target's inclination.
 
-    Two planes with a free node pass over a site, one to the north and one to the south of east.
-    Their optima differ by the Earth's oblateness, less than by the intervals: both are solved on
-    those for the same flight. It is mirrored at the plane of the vertical and the east, where it is
-    a good first guess; the starts that led to it count for its image too. If the target names its
-    argument of perigee, the image has another: it counts for itself alone, and the ascents are
-    mirrored too, whose rests are others, or else the first guesses.
+    Two planes with a free node pass over a site, to the north and to the south of east. Their
+    optima differ by the Earth's oblateness, less than by the intervals: both are solved on those
+    for the same flight. It and the next local optima are mirrored at the plane of the vertical and
+    the east; starts that led to a flight count for its image too. If the target names its argument
+    of perigee, the image has another: it counts for itself alone, and the ascents are mirrored too,
+    whose rests are others, or else the first guesses.
 
     Args:
         search: with its best solution, if there is any; it may get another.
@@ -230,13 +229,15 @@ def try_other_plane(search: Search) -> None:
     best, start, target = search.best, search.start, search.arrays.target[0]
     named = int(judged_by(target))
     node = named & NAMES_ASCENDING_NODE or int(target["named"]) & HEADINGS
-    one_plane = node or not named & NAMES_INCLINATION
-    if best is None or one_plane or plane_from_ground(search.arrays, start) is None:
+    if best is None or node or not named & NAMES_INCLINATION:
+        return
+    if plane_from_ground(search.arrays, start) is None:
         return
     up = start["position"][0] / np.linalg.norm(start["position"][0])
     if abs(math.cos(float(target["inclination"]))) > _EASTWARD * math.hypot(up[0], up[1]):
         return
     met, here = search.again, flight_of(best, 0)
+    others = [flight_of(one.found, one.met) for one in search.optima[1 : 1 + _MOST_IMAGES]]
     search.try_start(here)
     image = _in_other_plane(here, start)
     if named & NAMES_ARGUMENT_OF_PERIGEE:
@@ -245,6 +246,8 @@ def try_other_plane(search: Search) -> None:
         return
     search.try_start(image)
     search.optima[0].met = max(search.optima[0].met, met)
+    for other in others:
+        search.try_start(_in_other_plane(other, start))
 
 
 def _trials_in_other_plane(search: Search) -> Iterator[TrialFlight]:
@@ -295,43 +298,6 @@ def _in_other_plane(flight: TrialFlight, start: NDArray[np.void]) -> TrialFlight
         vectors = track[:, at : at + 3]
         vectors -= 2.0 * (vectors @ north)[:, None] * north
     return replace(flight, track=track)
-
-
-def try_lower_coast(search: Search) -> None:
-    """Solve without the default floor of a coast that begins on it in the ascent.
-
-    A coast that begins lower than that floor, and rises, has none.
-
-    Args:
-        search: with its best solution, if there is any; it may get another.
-    """
-    best = search.best
-    if best is None:
-        return
-    for floor in search.floors:
-        if floor.said or not best.program.floor_rows.get(floor.arc):
-            continue
-        if abs(_highest_before(best, floor.arc) - floor.altitude_m) > _ON_FLOOR_M:
-            continue
-        others = tuple(other for other in search.floors if other is not floor)
-        lower = Search(search.arrays, search.start, others, search.request)
-        for optimum in search.optima:
-            if lower.is_conclusive or search.request.deadline.passed:
-                break
-            agreed = search.again if optimum.found is best else optimum.met
-            lower.try_start(flight_of(optimum.found, agreed))
-        search.iterations += lower.iterations
-        if lower.best is None:
-            continue
-        begin = _highest_before(lower.best, floor.arc)
-        if lowest_in(lower.best, floor.arc) > begin - _ON_FLOOR_M:
-            search.keep(lower.best, lower.again)
-
-
-def _highest_before(found: FoundOptimum, arc: int) -> float:
-    """Return the greatest altitude of a flight up to the begin of an arc, m."""
-    track = track_of(found)
-    return float(track[track[:, rollout.ARC] < arc, rollout.ALTITUDE].max(initial=-math.inf))
 
 
 def try_free_node(search: Search) -> None:

@@ -12,12 +12,12 @@ from ares_optimizer.collocation.ascents import (
     try_coast_to_apogee,
     try_free_node,
     try_known,
-    try_lower_coast,
     try_other_plane,
 )
 from ares_optimizer.collocation.bucket import try_throttle_bucket
 from ares_optimizer.collocation.divided_burn import raises_slowly, try_divided_burn
 from ares_optimizer.collocation.limits import limits_out_of_reach
+from ares_optimizer.collocation.lower_coast import try_lower_coast
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
 from ares_optimizer.collocation.search import Search
