@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Solve real launchers from public figures by `auto` and by another program, and fly the laws.
 
-The answers in `launchers/answers.json` are of a program that shares nothing with the project:
-Radau collocation by CasADi with IPOPT from up to ten starts, the best solved again on a finer mesh.
-It keeps coasts 100 km above a sphere of the equatorial radius; here they stay 100 km above the
-ellipsoid, which allows more where a coast touches that bound far from the equator.
+Those in `launchers` begin above the air, those in `pads` on the ground. The answers in
+`answers.json` are of a program that shares nothing with the project: Radau collocation by CasADi
+with IPOPT from up to ten starts, the best solved again on a finer mesh; where it cannot state a
+mission there is none. It keeps coasts 100 km above a sphere of the equatorial radius; here they
+stay 100 km above the ellipsoid, which allows more where a coast touches that bound far from the
+equator.
 """
 
 import argparse
@@ -23,8 +25,7 @@ from ares_studies.closed_loop import fly_compiled
 from ares_trials.testing.arrivals import judged
 
 HERE = Path(__file__).parent
-FILES = HERE / "launchers"
-KEPT = FILES / "results.json"
+FOLDERS = ("launchers", "pads")
 LAWS = ("peg", "igm", "optimal")
 #: Of the mass: less than the other program's by more is worse.
 SAME = 1e-5
@@ -79,13 +80,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="missions; default: all")
     parser.add_argument("--plan-only", action="store_true", help="fly nothing")
-    parser.add_argument("--keep", action="store_true", help=f"write {KEPT.name}")
+    parser.add_argument("--folder", choices=FOLDERS, default=FOLDERS[0])
+    parser.add_argument("--keep", action="store_true", help="write results.json there")
     options = parser.parse_args()
-    answers = json.loads((FILES / "answers.json").read_text())
+    files = HERE / options.folder
+    answers = json.loads((files / "answers.json").read_text())
     laws = () if options.plan_only else LAWS
     rows = []
-    for name in options.names or sorted(answers):
-        one = row(FILES / f"{name}.yaml", answers[name]["final_mass_kg"], laws)
+    for name in options.names or sorted(path.stem for path in files.glob("*.yaml")):
+        known_kg = answers[name]["final_mass_kg"] if name in answers else math.nan
+        one = row(files / f"{name}.yaml", known_kg, laws)
         rows.append(one)
         flights = " ".join(
             f"{law} {flight['end']} {flight.get('loss_percent', math.nan):+.4f} %"
@@ -107,7 +111,7 @@ def main() -> None:
                 f"loss {np.median(lost):.4f} % in the median, {max(lost):.4f} % at worst"
             )
     if options.keep:
-        KEPT.write_text(json.dumps(rows, indent=1) + "\n")
+        (files / "results.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
 if __name__ == "__main__":
