@@ -43,10 +43,12 @@ def jettison_times(
     waiting = None if heated is None else iter(heated)
     times = []
     for j, jettison in enumerate(arrays.jettisons):
-        if (int(start["jettisoned"]) >> j) & 1:
+        stage = int(jettison["stage"])
+        # an ascent alone ends before the stages after it
+        if (int(start["jettisoned"]) >> j) & 1 or stage >= len(ignitions):
             times.append(math.nan)
             continue
-        ignition = ignitions[int(jettison["stage"])]
+        ignition = ignitions[stage]
         at = max(now, ignition)
         if jettison["criterion"] == HEATING_LIMIT:
             if waiting is not None:
