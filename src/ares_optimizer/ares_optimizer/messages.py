@@ -276,7 +276,7 @@ def _doubles(values: Any) -> "array[float]":
 
 def _fill(response: Any, solution: Solution) -> None:
     response.converged = solution.converged
-    response.jettison_time = solution.t_plf_s
+    response.jettison_time = solution.heating_jettison_s
     response.cutoff_time = solution.t_meco_s
     response.final_mass = solution.m_f_kg
     response.iterations = solution.iterations

@@ -5,7 +5,7 @@ Times are mission elapsed time in s; vectors are in the frame ``ares_eci``.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -304,6 +304,7 @@ class Solution:
         restarts: starts after the first.
         notes: further figures by name, with unit suffix.
         steps: of method ``auto``: the result of each method that it called, a line each.
+        heated: jettisons that wait for the heating, by index; None: all.
         by_legs: true if the two-point problem lacks an active constraint: law ``optimal`` then
             flies to the end of each leg, as the other laws do.
     """
@@ -328,6 +329,7 @@ class Solution:
     notes: dict[str, float] = field(default_factory=dict)
     steps: tuple[str, ...] = ()
     by_legs: bool = False
+    heated: tuple[int, ...] | None = None
 
     @property
     def converged(self) -> bool:
@@ -342,8 +344,14 @@ class Solution:
     @property
     def t_plf_s(self) -> float:
         """Return the time of the last jettison of the mission, s; nan without one."""
-        done = [t for t in self.jettison_times_s if math.isfinite(t)]
-        return max(done) if done else math.nan
+        return _last(self.jettison_times_s)
+
+    @property
+    def heating_jettison_s(self) -> float:
+        """Return the time of the last jettison that waits for the heating, s; nan without one."""
+        if self.heated is None:
+            return self.t_plf_s
+        return _last(self.jettison_times_s[j] for j in self.heated)
 
     @property
     def last_burn_kg(self) -> float:
@@ -407,6 +415,11 @@ class Solution:
                 "end": str(v.end),
             },
         }
+
+
+def _last(times: Iterable[float]) -> float:
+    """Return the last of some times, s; nan if none is known."""
+    return max((t for t in times if math.isfinite(t)), default=math.nan)
 
 
 def _number(value: float) -> float | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionArrays
 from ares_models.floors import orbits_of
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
@@ -105,6 +105,7 @@ def solve(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"
         )
     arrays, state = arrays_and_state(mission, state)
+    heated = np.flatnonzero(arrays.jettisons["criterion"] == HEATING_LIMIT).tolist()
     state, flown = after_boost(arrays, state)
     if time_limit_s is not None and not time_limit_s >= 0.0:
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
@@ -114,7 +115,7 @@ def solve(
         request = Request(arrays, state, method, Heating(heating), deadline, guess, verify)
         _check_arcs(request)
         solution = _with_arcs(request, _above_floors(request, _solve(request)))
-    return _with_programme(solution, flown)
+    return replace(_with_programme(solution, flown), heated=tuple(heated))
 
 
 def _with_programme(solution: Solution, flown: tuple[ConstraintCheck, ...]) -> Solution:

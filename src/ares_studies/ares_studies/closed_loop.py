@@ -54,7 +54,7 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
         return np.array([getattr(arc, name) for arc in solution.arcs])
 
     return OfflineTrajectory(
-        jettison_time=solution.t_plf_s,
+        jettison_time=solution.heating_jettison_s,
         cutoff_time=solution.t_meco_s,
         arc_start_time=column("start_s"),
         arc_end_time=column("end_s"),
