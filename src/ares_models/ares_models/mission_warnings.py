@@ -447,7 +447,7 @@ def _target(mission: "Mission") -> Iterator[Doubt]:
         return
     c3 = target.c3_m2_s2
     if c3 is not None and 0.0 < abs(c3) < LEAST_C3:
-        yield Doubt(("target", "c3_m2_s2"), f"is {c3:g} m2/s2; is it in m2/s2?")
+        yield Doubt(("target", "c3_m2_s2"), f"is {c3:g} m2/s2; is the number in km2/s2?")
     yield from _synchronous(mission, target)
     yield from _orbit(mission, ("target",), target)
 

@@ -27,7 +27,7 @@ class StageFigures(NamedTuple):
         name: of the stage.
         ignition_mass_kg: of the stage and all above it.
         thrust_to_weight: at lift-off from a pad, in its air; else in vacuum at ignition, by g0.
-            The thrust of a table is its mean.
+            It is that of the burn that takes most propellant, and of a table the mean.
         burn_time_s: of all burns, at full thrust, until the usable propellant is gone or the
             burns of fixed length end.
         delta_v_m_s: in vacuum, without gravity. Jettisons that wait for heating are dropped at
@@ -79,7 +79,8 @@ def stage_figures(mission: "Mission") -> tuple[StageFigures, ...]:
         if k == 0 and mission.initial_state.AT_REST:
             ratio = lift_off(mission).ratio
         else:
-            ratio = float(np.mean(burns[0].thrust)) / (mass * g0)
+            main = max(burns, key=lambda burn: burn.propellant_kg)
+            ratio = float(np.mean(main.thrust)) / (mass * g0)
         found.append(
             StageFigures(
                 name=stage.name,

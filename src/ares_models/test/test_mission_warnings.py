@@ -250,7 +250,9 @@ def test_of_a_wind_near_the_ground_nothing_is_said(tmp_path, knots):
 def test_an_energy_in_km2_s2(tmp_path):
     target = {"c3_m2_s2": 12.5, "perigee_altitude_m": 185e3, "inclination_deg": 28.5}
     file = changed(tmp_path, {"target": target}, base="ares_v")
-    assert warnings(load_mission(file)) == ["target.c3_m2_s2 is 12.5 m2/s2; is it in m2/s2?"]
+    assert warnings(load_mission(file)) == [
+        "target.c3_m2_s2 is 12.5 m2/s2; is the number in km2/s2?"
+    ]
 
 
 def test_a_parking_orbit_in_km(tmp_path):
