@@ -99,8 +99,8 @@ def _check_free_arcs(mission: "Mission") -> None:
             expected = f"free, for at least one burn{_INSTEAD}"
             fail(place.path("burn_time_s"), last.burn_time_s, expected)
         instead = (
-            "at least one burn of the mission with thrust_n and burn_time_s: free, before it, "
-            f"after it, which may be small, or in its place{_INSTEAD}"
+            "at least one burn of the mission that guidance can end, with thrust_n and "
+            f"burn_time_s: free, such as a small one after this motor{_INSTEAD}"
         )
         fail(place.path("thrust_table"), last.thrust_table, instead)
 

@@ -133,7 +133,7 @@ def check_lift_off(mission: "Mission") -> None:
     )
     late = [one for one in mission.stages[0].boosters if one.ignition_s > 0.0]
     if late:
-        expected += f"; boosters {late[0].name} are lit {late[0].ignition_s:g} s later"
+        expected += f"; its boosters ({late[0].name}) are lit {late[0].ignition_s:g} s later"
         expected += ": hold_down_s of the initial_state holds the vehicle until then"
     tables = [(path, arc.thrust_table)]
     for i, one in enumerate(mission.stages[0].boosters):

@@ -55,6 +55,8 @@ LARGEST_DOG_LEG_DEG = 5.0
 SAME_PLANE_DEG = 2.0
 #: Least share of a stage's propellant that burns of fixed length take.
 LEAST_USED = 0.5
+#: The same of the thrust tables of a solid stage, which more propellant does not prolong.
+LEAST_LOADED = 0.98
 #: Least floor of a coast, m; a smaller one is probably in km.
 LEAST_FLOOR = 1e3
 #: Least altitude of the last of several knots of a wind, m; smaller ones are probably in km.
@@ -305,8 +307,15 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
     dry, propellant = stage.dry_mass_kg, stage.propellant_kg
     used = mission.fixed_propellant(i)
     fixed = not any(burn.free for burn in stage.burns)
-    if propellant is not None and fixed and used < LEAST_USED * propellant:
+    solid = all(burn.thrust_table is not None for burn in stage.burns)
+    own = used - stage.booster_propellant_kg
+    if propellant is not None and fixed and used < LEAST_USED * propellant and not solid:
         text = f"is {propellant:,.6g} kg, its burns take {used:,.4g} kg; is the thrust in N?"
+        yield Doubt(("stages", i, "propellant_kg"), text)
+    if propellant is not None and solid and own < LEAST_LOADED * propellant:
+        text = (
+            f"is {propellant:,.6g} kg, the thrust_table takes {own:,.6g} kg; the rest stays aboard"
+        )
         yield Doubt(("stages", i, "propellant_kg"), text)
     if dry is not None and propellant is not None and dry < LEAST_STRUCTURE * propellant:
         text = f"is {dry:g} kg for {propellant:,g} kg of propellant; is it in kg?"

@@ -1177,8 +1177,8 @@ def test_a_vehicle_of_solids_alone_is_told_what_flies_it(tmp_path):
     said = message(edited(tmp_path, motor, table, FALCON))
     assert (
         "stages[1].arcs[1].thrust_table is a list of 2; expected at least one burn of the mission "
-        "with thrust_n and burn_time_s: free, before it, after it, which may be small, or in its "
-        "place; where all bur"
+        "that guidance can end, with thrust_n and burn_time_s: free, such as a small one after "
+        "this motor; where all bur"
     ) in said
     programme = "programme: {over: time_s, table: [[0, 90, 90], [20, 90, 90], [160, 20, 90]]}\n"
     file = tmp_path / "flown.yaml"

@@ -295,3 +295,14 @@ def test_an_altitude_in_km_where_there_is_no_air(tmp_path):
 def test_of_the_plane_of_a_high_orbit_from_near_the_equator_nothing_is_said(tmp_path, inclination):
     changes = {"target.inclination_deg": inclination}
     assert warnings(load_mission(changed(tmp_path, changes, "ariane5_eca_pad"))) == []
+
+
+@pytest.mark.parametrize(("propellant_kg", "lines"), [(12000.0, 1), (10400.0, 0)])
+def test_a_solid_stage_that_carries_more_than_its_table_takes(tmp_path, propellant_kg, lines):
+    # 140 s of 225 kN at an Isp of 311 s take 10,328 kg
+    changes = {f"stages.0.{key}": ABSENT for key in ("thrust_n", "burn_time_s")}
+    changes["stages.0.thrust_table"] = [[0.0, 225e3], [140.0, 225e3]]
+    changes["stages.0.propellant_kg"] = propellant_kg
+    expected = "stages[0].propellant_kg is 12,000 kg, the thrust_table takes 10,328.3 kg; the rest"
+    found = warnings(load_mission(changed(tmp_path, changes)))
+    assert [line.startswith(expected) for line in found] == [True] * lines
