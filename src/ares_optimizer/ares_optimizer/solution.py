@@ -349,9 +349,9 @@ class Solution:
     @property
     def heating_jettison_s(self) -> float:
         """Return the time of the last jettison that waits for the heating, s; nan without one."""
-        if self.heated is None:
-            return self.t_plf_s
-        return _last(self.jettison_times_s[j] for j in self.heated)
+        waits = self.heated
+        times = enumerate(self.jettison_times_s)
+        return _last(t for j, t in times if waits is None or j in waits)
 
     @property
     def last_burn_kg(self) -> float:

@@ -26,3 +26,10 @@ def test_a_coast_is_a_revolution_longer_only_where_that_pays():
     assert found.status == Status.CONVERGED
     assert found.m_f_kg == pytest.approx(1_636.640, rel=1e-6)
     assert found.lengths_s[1] == pytest.approx(2831.3, abs=2.0)
+
+
+@pytest.mark.trial
+def test_a_load_that_a_weak_last_stage_cannot_bring_up_is_called_too_heavy():
+    found = solve(load_mission(PADS / "electron_kick_sso.yaml"), "auto")
+    assert found.status == Status.STALLED
+    assert found.reason.endswith("with 120.5 kg less on the last stage there is one")

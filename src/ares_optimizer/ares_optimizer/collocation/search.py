@@ -224,7 +224,7 @@ class Search:
         self._allow_iterations()
         found = self._found_from(trial)
         self._most_iterations = math.inf
-        if found is not None and not self._underground(found) and not self._turns_wrong(found):
+        if found is not None and not self._underground(found) and not self._is_reversed(found):
             times = times_of(found.program, found.point.x)
             alike = are_alike(times.lengths, trial.times.lengths)
             if times.cutoff - float(self.start["time"][0]) <= LONGEST_FLIGHT:
@@ -271,7 +271,7 @@ class Search:
             if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
         ]
 
-    def _turns_wrong(self, found: FoundOptimum) -> bool:
+    def _is_reversed(self, found: FoundOptimum) -> bool:
         """Return true if a flight ends in another plane than asked, or the other way round."""
         end = found.point.x[6 * found.program.nodes - 6 : 6 * found.program.nodes]
         return is_reversed(self.arrays, self.start, end)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Look for the propellant that the saving stage of a mission is short of."""
 
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,10 @@ _FAR_SHORT = 1.02
 _SURE = 3
 #: Starts without a flight after which the search ends.
 _MOST_UNMET = 6
+#: Share of what is left of a last stage at its end without which a flight is looked for, and most
+#: starts for it.
+_LEFT_BEHIND = 0.5
+_MOST_LIGHTER = 8
 
 
 class Shortage(NamedTuple):
@@ -92,6 +97,30 @@ def short_of_propellant(search: Search) -> Shortage | None:
         return None
     name = "the last stage" if stage == arcs[-1]["stage"] else f"stage {stage}"
     return Shortage(name, burnt, usable, alone or more.again >= _SURE)
+
+
+def too_heavy(search: Search) -> Cause | None:
+    """Return the cause of a search without solution that has one with less carried; else None.
+
+    Where a weak last stage lacks what the stage before it should have given, more propellant in the
+    last one finds no flight.
+    """
+    arcs, start = search.arrays.arcs.copy(), search.start.copy()
+    less = _LEFT_BEHIND * float(arcs[-1]["stack_mass"] - arcs[-1]["propellant"])
+    arcs["stack_mass"] -= less
+    start["mass"] -= less
+    lighter = Search(search.arrays._replace(arcs=arcs), start, search.floors, search.request)
+    for trial in islice(first_guesses(lighter), _MOST_LIGHTER):
+        if lighter.best is not None or search.request.deadline.passed:
+            break
+        lighter.try_start(trial)
+    search.iterations += lighter.iterations
+    if lighter.best is None:
+        return None
+    reason = (
+        f"no flight to the target found; with {less:,.4g} kg less on the last stage there is one"
+    )
+    return Cause(Status.STALLED, reason)
 
 
 def _burnt_in(stage: int, found: FoundOptimum) -> float:

@@ -21,9 +21,9 @@ from ares_optimizer.collocation.lower_coast import try_lower_coast
 from ares_optimizer.collocation.refine import refine_solution
 from ares_optimizer.collocation.report import METHOD, solution_of
 from ares_optimizer.collocation.search import Search
-from ares_optimizer.collocation.shortage import Shortage, short_of_propellant
+from ares_optimizer.collocation.shortage import Shortage, short_of_propellant, too_heavy
 from ares_optimizer.request import Heating, Request
-from ares_optimizer.solution import Solution, UnfitMethod, failed
+from ares_optimizer.solution import Solution, Status, UnfitMethod, failed
 
 #: Starts without a solution after which the propellant that one needs is looked for.
 _UNMET = 2
@@ -92,6 +92,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     if search.best is None and short is None and search.starts < _UNMET and beat_kg is None:
         short = short_of_propellant(search)
     cause = short.cause if short else search.failure()
+    if search.best is None and cause.status is Status.STALLED and short is None:
+        cause = too_heavy(search) or cause
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
