@@ -8,6 +8,7 @@ import pytest
 
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, TEMPLATE, Mission
+from ares_optimizer.collocation.pilot import is_reversed
 from ares_optimizer.solution import Status
 from ares_optimizer.solve import solve
 
@@ -62,3 +63,15 @@ def test_what_lacks_propellant_in_one_plane_alone_is_flown_in_the_other():
     assert northward.status == Status.INFEASIBLE
     assert re.search(r"last stage: 0\.\d\d kg short", northward.reason)
     assert solve(to_sun_synchronous(108.7), "auto").status == Status.CONVERGED
+
+
+def test_in_flight_the_heading_of_the_launch_no_longer_counts(planned):
+    mission, found = planned["south"]
+    track, arrays = found.trajectory, mission.arrays()
+    state = mission.start().navigation()
+    end = np.concatenate((track.position[-1], track.velocity[-1]))
+    assert not is_reversed(arrays, state, end)
+    assert is_reversed(arrays, state, end * [1, 1, -1, 1, 1, -1])
+    # beyond its southernmost point the same orbit leads to the north
+    state["position"], state["velocity"] = -track.position[-1], -track.velocity[-1]
+    assert not is_reversed(arrays, state, end)

@@ -493,10 +493,10 @@ def plane_from_ground(arrays: MissionArrays, start: NDArray[np.void]) -> Array |
 
 
 def is_reversed(arrays: MissionArrays, start: NDArray[np.void], end: Array) -> bool:
-    """Return true if a flight ends in the named plane, but the other way round, or heads wrong.
+    """Return true if a flight ends in another plane than asked, or there the other way round.
 
-    The equations of a named plane hold there too, and those of an inclination in both planes over
-    a pad.
+    The equations of a named plane hold both ways round, and those of an inclination in both planes
+    over a pad.
 
     Args:
         arrays: the mission.
@@ -508,7 +508,8 @@ def is_reversed(arrays: MissionArrays, start: NDArray[np.void], end: Array) -> b
     if names_plane(arrays):
         return bool(normal @ np.array(named_plane(target)) < 0.0)
     heading = int(target["named"]) & HEADINGS
-    if not heading:
+    # in flight the heading changes along the orbit
+    if not heading or plane_from_ground(arrays, start) is None:
         return False
     r = start["position"][0]
     northward = np.cross(normal, r)[2] / (np.linalg.norm(normal) * np.linalg.norm(r))
