@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a mission file says in short: the Earth, a sun-synchronous orbit, a launch heading."""
+"""Short forms in a mission file: the Earth, a sun-synchronous orbit, a launch heading."""
 
 from copy import deepcopy
 from datetime import UTC, datetime

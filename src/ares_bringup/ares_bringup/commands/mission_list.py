@@ -41,15 +41,7 @@ def show_missions(names: Sequence[str] = ()) -> int:
     Returns:
         0, or 2 if one of them is invalid.
     """
-    if not names:
-        return _show(list_missions(), _mission_rows)
-    status = 0
-    for name in names:
-        wrong = _show([name], partial(_mission_rows, keys=("jettisons", "target")))
-        status = wrong or status
-        if not wrong:
-            console().print(Padding(_stage_table(load(name)), (0, 0, 0, 2)))
-    return status
+    return _show(names or list_missions(), partial(_mission_rows, by_stage=bool(names)))
 
 
 def show_dispersions(names: Sequence[str] = ()) -> int:
@@ -64,9 +56,7 @@ def show_dispersions(names: Sequence[str] = ()) -> int:
     return _show(names or DISPERSIONS.shipped(), _dispersions_rows)
 
 
-def _mission_rows(
-    name: str, keys: Sequence[str] = ("stages", "jettisons", "target")
-) -> tuple[str, Rows]:
+def _mission_rows(name: str, by_stage: bool) -> tuple[str, Rows, Table | None]:
     mission = load(name)
     show_warnings(name)
     texts = mission.describe()
@@ -76,7 +66,9 @@ def _mission_rows(
         if mission.held.speed_m_s > 0.0:
             held += f", at {mission.held.speed_m_s:.1f} m/s"
         rows.append(("released", held))
-    return mission.name, rows + [(key, texts[key]) for key in keys]
+    keys = ("jettisons", "target") if by_stage else ("stages", "jettisons", "target")
+    rows += [(key, texts[key]) for key in keys]
+    return mission.name, rows, _stage_table(mission) if by_stage else None
 
 
 def _stage_table(mission: Mission) -> Table:
@@ -103,20 +95,25 @@ def _stage_table(mission: Mission) -> Table:
     return table
 
 
-def _dispersions_rows(name: str) -> tuple[str, Rows]:
+def _dispersions_rows(name: str) -> tuple[str, Rows, None]:
     dispersions = load_dispersions(name)
     said = dispersions.model_fields_set
     keys = [key for key in type(dispersions).model_fields if key in said]
-    return name, [("valid", ", ".join(keys) or "nothing is dispersed")]
+    return name, [("valid", ", ".join(keys) or "nothing is dispersed")], None
 
 
-def _show(names: Iterable[str], read: Callable[[str], tuple[str, Rows]]) -> int:
+def _rows_table() -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
     table.add_column(no_wrap=True)
-    status = 0
+    return table
+
+
+def _show(names: Iterable[str], read: Callable[[str], tuple[str, Rows, Table | None]]) -> int:
+    """Print the rows of files in one table; a table below the rows of a file ends it."""
+    table, status = _rows_table(), 0
     for name in names:
         try:
-            title, rows = read(name)
+            title, rows, below = read(name)
         except ValueError as error:
             print(f"ares: {' '.join(str(error).split())}", file=sys.stderr)
             status = 2
@@ -124,6 +121,10 @@ def _show(names: Iterable[str], read: Callable[[str], tuple[str, Rows]]) -> int:
         for k, (key, text) in enumerate(rows):
             first = Text("" if k else title, style="bold")
             table.add_row(first, key, Text(text))
+        if below is not None:
+            console().print(table)
+            console().print(Padding(below, (0, 0, 0, 2)))
+            table = _rows_table()
     if table.row_count:
         console().print(table)
     return status

@@ -58,7 +58,7 @@ def guess_from(solution: Solution) -> Guess:
     first = guided[0]
     start = solution.arcs[0].start_s
     back = np.asarray(first.direction_rate) * (first.reference_time_s - start)
-    jettison = solution.t_plf_s
+    jettison = solution.heating_jettison_s
     after = None
     if math.isfinite(jettison):
         later = [arc for arc in guided if arc.start_s >= jettison - 1e-6]
