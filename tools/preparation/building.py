@@ -75,6 +75,8 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
     colcon += ["--event-handlers", "console_cohesion+"]
     colcon += ["--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF", "-DCMAKE_BUILD_TYPE=Release"]
     colcon += [f"-DPython3_EXECUTABLE={workspace.interpreter}"]
+    # the wheels hold no C++ program that would read the messages
+    colcon += [f"-DPYTHON_ONLY={'OFF' if workspace.ros else 'ON'}"]
     run_logged(colcon, workspace, build_environ, lock, "colcon build")
     repair_scripts(root / "install", workspace.interpreter)
     run_logged(

@@ -102,11 +102,14 @@ def make(
             say(f"compiling the numeric kernels ({COMPILING[kernels == ALL_KERNELS]})")
             if kernels == FIRST_LAW or is_built(workspace):
                 compiling = beside.submit(compile_kernels)
+            elif kernels == ALL_KERNELS:
+                # generating the messages leaves part of the machine idle
+                beside.submit(warm_kernels, workspace, environ, lock, FIRST_LAW)
         if not is_built(workspace):
             with steps.step(BUILDING):
                 build(workspace, environ, lock)
+        if compiling is None and kernels_wanting(workspace, environ, kernels):
+            compiling = beside.submit(compile_kernels)
         if compiling is not None:
             compiling.result()
-        elif kernels_wanting(workspace, environ, kernels):
-            compile_kernels()
     return workspace
