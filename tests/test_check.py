@@ -167,7 +167,7 @@ def test_what_is_not_as_it_was_is_said(ares, reference, tmp_path):
     assert "flown by 0.0.1, kernels 0\n" in done.stdout
     assert "cycle_period_s was 1.0 in the flight, given is 2.0\n" in done.stdout
     assert "mission ares_v has other numbers now than it had then\n" in done.stdout
-    assert "another version flew: its last digits may differ" in done.stdout
+    assert "flown by another version: last digits" in done.stdout
     # guidance has answered only every second state with a cycle
     assert "306 commands or statuses that guidance does not give" in done.stdout
 
@@ -228,11 +228,8 @@ def test_another_guidance_took_over(ares, reference, tmp_path):
     [
         ([*ARES_V, "--dispersions", "standard", "--seed", "3", "--guidance", "igm"], ""),
         ([*ARES_V, "--guidance", "peg_thesis"], "found again, by its method analytic"),
-        pytest.param(
-            ["--mission", "geostationary_transfer"],
-            "found again, by its method auto",
-            marks=pytest.mark.trial,
-        ),
+        # with states a second apart in its coast
+        (["--mission", "geostationary_transfer"], "found again, by its method auto"),
         (
             [*ARES_V, *("--guidance", "optimal", "--cycle-period", "4")]
             + ["--initial-guess", "optimizer"],
@@ -243,8 +240,8 @@ def test_another_guidance_took_over(ares, reference, tmp_path):
 )
 def test_flights_of_today(ares, tmp_path, words, note):
     path = tmp_path / "flight"
-    flown = ares("fly", "--in-process", "--nav-period", "2", "--bag", str(path), *words)
-    assert flown.returncode in (0, 1), flown.stderr
+    flown = ares("fly", "--in-process", "--nav-period", "0.5", "--bag", str(path), *words)
+    assert flown.returncode == 0, flown.stderr
     done = ares("replay", str(path), "--check")
     assert done.returncode == 0, done.stdout + done.stderr
     assert note in done.stdout

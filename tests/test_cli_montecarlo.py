@@ -57,7 +57,7 @@ def test_tables_for_people(ares, tmp_path, monkeypatch):
     assert done.returncode == 0, done.stderr
     for words in ("guidance peg, 30 flights", "95 % interval", "heating kept", "final mass"):
         assert words in done.stdout
-    assert "reserve       takes at least 767 flights" in done.stdout
+    assert "reserve       needs at least 767 flights" in done.stdout
     assert "core: down at" in done.stdout
     assert "flights   c/flights.parquet" in done.stdout
     assert "report    c/report.html" in done.stdout

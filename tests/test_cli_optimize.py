@@ -186,7 +186,8 @@ def test_of_an_infeasible_mission_the_reason_is_said_once(capsys, tmp_path):
     assert main(["optimize", "--mission", str(file)]) == 4
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].startswith("infeasible: propellant of the last stage: 344 kg short")
-    assert lines[2:] == ["  --maximize payload finds what arrives, if anything does"]
+    advice = "  --maximize payload finds the greatest payload that arrives, if any does"
+    assert lines[2:] == [advice]
 
 
 def test_of_a_mission_without_a_plan_the_reason_is_said_once(capsys, monkeypatch):

@@ -404,7 +404,7 @@ def test_a_mission_that_is_gone_is_one_line(tmp_path, capfd):
     [
         (0.4, "Incomplete: no end in this bag"),
         # the end of the flight is in it, the end of the bag is not
-        (0.95, "Flown to the target, but not all is as it should be"),
+        (0.95, "Flown to the target, with shortcomings"),
     ],
 )
 def test_a_cut_bag_is_shown_and_said_to_be_incomplete(tmp_path, capfd, kept, verdict):

@@ -595,7 +595,7 @@ def test_a_bag_of_states_that_are_none_is_shown_without_them(
         done = ares(*words)
         assert done.returncode in (0, 1), done.stderr
         assert "Traceback" not in done.stderr
-    assert "no vehicle is where they say" in (tmp_path / "odd.html").read_text()
+    assert "their positions are impossible" in (tmp_path / "odd.html").read_text()
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00", b"\x00\x01\x00\x00", b"\xff" * 40, bytes(9)])

@@ -348,7 +348,8 @@ CAUSES = {
     "view killed": Cause(
         0,
         (
-            "view was killed by SIGKILL: it is not shown any more; restarted (1 of 3)",
+            "view was killed by SIGKILL: no standard messages any more (RViz, Foxglove, maps)",
+            "restarted (1 of 3)",
             "main-engine cut-off",
         ),
         {**SLOW, "view": "true"},

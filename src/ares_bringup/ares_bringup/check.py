@@ -293,9 +293,9 @@ def _note_software(result: Comparison, told: Mapping[str, Any], found: FlownMiss
             told.get(MISSION_DIGEST, found.mission.digest) != found.mission.digest
             and not found.note
         ):
-            result.notes.append("guidance flew by other numbers of its mission than the simulator")
+            result.notes.append("guidance and simulator had different numbers in their missions")
     elif result.recorded_by:
-        result.notes.append("another version flew: its last digits may differ, and its law")
+        result.notes.append("flown by another version: last digits and the law itself may differ")
 
 
 # ---- the present guidance

@@ -15,8 +15,8 @@ VIEW = "view"
 
 #: Nodes that a flight can spare, with the consequence of their end.
 SPARED = {
-    OPTIMIZER: "guidance starts without its guess",
-    VIEW: "it is not shown any more",
+    OPTIMIZER: "guidance starts without an initial guess",
+    VIEW: "no standard messages any more (RViz, Foxglove, maps)",
     LIVE: PAGELESS,
 }
 #: Nodes that can rejoin a flight after a restart. A second recorder would write a second bag, a

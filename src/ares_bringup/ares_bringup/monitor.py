@@ -274,7 +274,7 @@ class FlightMonitor:
         if self._said <= MAX_SAID:
             self._say(line)
         elif self._said == MAX_SAID + 1:
-            self._say("further warnings are counted only")
+            self._say("further warnings are counted but not shown")
 
     def _said_by_node(self, line: Diagnostic) -> bool:
         """Tell whether the node prints an error itself, since it ends its work."""

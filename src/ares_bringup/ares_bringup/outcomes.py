@@ -11,7 +11,7 @@ EXIT_INTERRUPTED = 130
 #: Their meanings, after a start.
 EXIT_MEANINGS = {
     EXIT_TARGET: "flown to the target",
-    EXIT_NOT_AS_IT_SHOULD: "flown, but not as it should",
+    EXIT_NOT_AS_IT_SHOULD: "flown, but something went wrong",
     EXIT_INTERRUPTED: "interrupted",
 }
 
@@ -33,8 +33,8 @@ VERDICTS = {
     Outcome.TARGET: "Flown to the target",
     Outcome.TARGET_MISSED: "Target missed",
     Outcome.DEPLETION: "Propellant ran out",
-    Outcome.IMPACT: "Met the ground",
-    Outcome.TIME_LIMIT: "Not over in time",
+    Outcome.IMPACT: "Hit the ground",
+    Outcome.TIME_LIMIT: "Time limit reached",
     Outcome.INCOMPLETE: "Incomplete",
     Outcome.INTERRUPTED: "Interrupted",
 }

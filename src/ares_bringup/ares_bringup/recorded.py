@@ -140,7 +140,7 @@ def _read(path: Path, bag: Bag) -> _Contents:
     why = bag.custom_data.get(INCOMPLETE_KEY)
     missing = [f"bag incomplete: {why}"] if why else []
     if left_out:
-        missing.append(f"{left_out} messages left out: no vehicle is where they say")
+        missing.append(f"{left_out} messages left out: their positions are impossible")
     return _Contents(bag.custom_data, columns, complaints, "; ".join(missing))
 
 

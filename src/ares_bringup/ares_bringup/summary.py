@@ -299,7 +299,7 @@ class FlightSummary:
         if self.first(codes.GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         if self.forged:
-            lines = [*lines, f"somebody spoke in the name of others: {self.forged[0]}"]
+            lines = [*lines, f"forged messages were found: {self.forged[0]}"]
         return lines + self.problems
 
     @property
@@ -336,7 +336,7 @@ class FlightSummary:
         if self.outcome is Outcome.DEPLETION:
             text = self._thrust_end.capitalize()
         if self.outcome is Outcome.TARGET and self.shortcomings():
-            text += ", but not all is as it should be"
+            text += ", with shortcomings"
         return text
 
     @property

@@ -32,9 +32,9 @@ def check_curve(
     for k in range(1, len(curve)):
         before, now = curve[k - 1][0], curve[k][0]
         if now < before:
-            fail((key, k), list(curve[k]), f"a time of at least {before} s, as before it")
+            fail((key, k), list(curve[k]), f"a time of {before} s or later, as the knot before")
         if before < now < before + allowed.MIN_TIME_S:
-            expected = f"the time of the knot before it, or {allowed.MIN_TIME_S} s on"
+            expected = f"the time of the knot before, or at least {allowed.MIN_TIME_S} s later"
             fail((key, k), list(curve[k]), expected)
     if end is not None and curve[-1][1] != end:
         fail((key, len(curve) - 1), list(curve[-1]), f"a last thrust fraction of {end:g}")
@@ -98,8 +98,8 @@ class EngineOut(Part):
     """Hold an engine loss during a burn; the others burn the remaining propellant."""
 
     time_after_ignition_s: allowed.Duration = Field(description="when engines are lost")
-    engines: Annotated[int, Range(2, 100)] = Field(description="of so many")
-    lost: Annotated[int, Range(1, 99)] = Field(default=1, description="so many")
+    engines: Annotated[int, Range(2, 100)] = Field(description="engines burning before the loss")
+    lost: Annotated[int, Range(1, 99)] = Field(default=1, description="engines that are lost")
 
     @model_validator(mode="after")
     def _some_are_left(self) -> "EngineOut":
@@ -235,7 +235,7 @@ class BurnArc(Part):
         """Report keys that contradict a thrust table, and errors in the tables."""
         self.refuse(_NO_TABLE, "no such key beside thrust_table")
         if self.engines != 1:
-            expected = "1, the table being of all motors, beside thrust_table"
+            expected = "1, because thrust_table is the thrust of all motors together"
             fail(("engines",), self.engines, expected)
         check_curve("thrust_table", thrust)
         check_curve("mass_flow_table", self.mass_flow_table)

@@ -57,7 +57,7 @@ def check_areas(mission: "Mission") -> None:
         path = ("abort", "avoid", k)
         if area.name in names[:k]:
             at = names.index(area.name)
-            fail((*path, "name"), area.name, f"a name that abort.avoid[{at}] has not")
+            fail((*path, "name"), area.name, f"a name other than that of abort.avoid[{at}]")
         if area.vertices_deg is not None:
             _check_polygon(mission, area.vertices_deg, (*path, "vertices_deg"))
         elif math.degrees(_angle(mission, area)) > MOST_ACROSS_DEG:

@@ -61,7 +61,8 @@ def _check_names(mission: "Mission") -> None:
     for key, names in (("stages", mission.stage_names), ("jettisons", mission.jettison_names)):
         for k, name in enumerate(names):
             if name in names[:k]:
-                fail((key, k, "name"), name, f"a name that {key}[{names.index(name)}] has not")
+                at = names.index(name)
+                fail((key, k, "name"), name, f"a name other than that of {key}[{at}]")
     for k, jettison in enumerate(mission.jettisons):
         if jettison.stage not in mission.stage_names:
             expected = "the name of a stage: " + ", ".join(mission.stage_names)

@@ -68,7 +68,7 @@ class AtmospherePart(Part):
         "at altitude 0, for exponential"
     )
     scale_height_m: allowed.ScaleHeight | None = added_later(
-        "climb over which density falls by e, for exponential"
+        "climb over which density falls by a factor of e, for exponential"
     )
     wind_table: allowed.WindTable | None = added_later(
         "knots [metres of altitude, metres per second to the east, to the north]; "
@@ -410,7 +410,9 @@ class Jettison(Part):
 
     name: allowed.Name = Field(description="unique; at most 80 characters")
     mass_kg: allowed.Mass = Field(description="what is dropped")
-    stage: allowed.Name = Field(description="name of a stage: not before its first ignition")
+    stage: allowed.Name = Field(
+        description="name of the stage before whose first ignition it is not dropped"
+    )
     heating_limit_w_m2: allowed.HeatingRate | None = optional(
         "when free molecular heating, 0.5 rho V_rel^3, has fallen below this"
     )

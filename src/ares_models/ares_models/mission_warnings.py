@@ -260,9 +260,9 @@ def _boosters(mission: "Mission", i: int) -> Iterator[Doubt]:
         elif not chemical:
             yield Doubt((*path, key), f"makes an Isp of {exhaust / g0:.4g} s; {asked}")
         elif count > 1 and one > FIERCEST_BOOSTER:
-            yield Doubt((*path, key), f"lifts one with {one:.0f} m/s2 at ignition; {asked}")
+            yield Doubt((*path, key), f"gives one booster {one:.0f} m/s2 at ignition; {asked}")
         elif count > 1 and lift_off:
-            together = f"with all that burns makes {thrust / mass:.0f} m/s2 at lift-off"
+            together = f"makes {thrust / mass:.0f} m/s2 at lift-off, all engines together"
             yield Doubt((*path, key), f"{together}; {asked}")
 
 

@@ -174,12 +174,12 @@ WITH_BOOSTERS = {
     "thrust of all with an Isp": (
         "soyuz_sso_pad",
         {"thrust_n": 4.0 * 1_021_300.0, "isp_s": 319.0, "burn_time_s": ABSENT},
-        "thrust_n lifts one with 92 m/s2 at ignition; is it of one booster, not of all 4?",
+        "thrust_n gives one booster 92 m/s2 at ignition; is it of one booster, not of all 4?",
     ),
     "thrust of both with an Isp": (
         "ariane5_eca_pad",
         {"thrust_n": 1.4e7, "isp_s": 274.5, "thrust_table": ABSENT},
-        "thrust_n with all that burns makes 38 m/s2 at lift-off; is it of one booster, not of",
+        "thrust_n makes 38 m/s2 at lift-off, all engines together; is it of one booster, not of",
     ),
     "table of both": (
         "ariane5_eca_pad",

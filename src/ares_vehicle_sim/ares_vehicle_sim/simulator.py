@@ -189,7 +189,7 @@ class Simulator:
         )
         self._start_ns = round(float(self.plant["time"]) * NANOSECONDS)
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
-        self._tick = 0
+        self._tick = self._sequence = 0
         self._events_read = 0
         self._no_events = self.plant["events"][:0].copy()
         self._measured = self._vehicle.navigation[list(MEASURED_FIELDS)]
@@ -217,7 +217,7 @@ class Simulator:
     @property
     def sequence(self) -> int:
         """Return the number of the present navigation state, from 0."""
-        return self._tick
+        return self._sequence
 
     @property
     def time_ns(self) -> int:
@@ -329,6 +329,7 @@ class Simulator:
         Args:
             each_period: a navigation state each period in long coasts too.
         """
+        self._sequence += 1
         ahead = self._tick + 1
         self._tick = ahead if each_period else next_tick(self._mission, self._vehicle, self._tick)
         advance(self._mission, self._vehicle, self._time_at(self._tick))

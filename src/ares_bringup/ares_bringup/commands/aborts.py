@@ -119,8 +119,9 @@ def _print(made: AbortMap, out: Console) -> None:
     out.print(f"guidance {made.law}, {len(made.points):,} points, every {made.step_s:g} s")
     out.print()
     table = Table(box=None, pad_edge=False)
-    for column in ("", "points", "the optimizer that knew", "flown", "as it", "as one told then"):
-        right = column in ("points", "as it", "as one told then")
+    as_knew, as_told = "as the one that knew", "as one told then"
+    for column in ("", "points", "optimizer that knew", "flown", as_knew, as_told):
+        right = column in ("points", as_knew, as_told)
         table.add_column(column, justify="right" if right else "left")
     for row in made.rows:
         n = len(row.points)
@@ -140,7 +141,7 @@ def _print(made: AbortMap, out: Console) -> None:
     if made.areas and made.outside.of:
         fall = made.outside
         out.print(
-            f"of {fall.of:,} flights to no orbit {fall.count:,} fall outside all "
+            f"of {fall.of:,} suborbital flights {fall.count:,} fall outside all "
             f"{len(made.areas)} areas, {_percent(fall)}"
         )
     if made.unfound:

@@ -470,9 +470,9 @@ def _load(name: str, load: Load) -> str:
 def _reserve(summary: Summary, n: int) -> str:
     reserve = summary.reserve
     if math.isfinite(reserve.reserve_kg):
-        return f"{reserve.reserve_kg:,.0f} kg of propellant for 99.7 % of flights (90 % sure)"
+        return f"{reserve.reserve_kg:,.0f} kg of propellant for 99.7 % of flights, 90 % confidence"
     if n < reserve.needed:
-        return f"takes at least {reserve.needed} flights"
+        return f"needs at least {reserve.needed} flights"
     return "has no bound: too many flights did not arrive"
 
 

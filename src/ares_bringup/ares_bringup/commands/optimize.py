@@ -264,7 +264,7 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
         if solution.trajectory is not None or not (said or solution.status is Status.INFEASIBLE):
             out.print(Text(f"  {mission.with_names(line)}"), soft_wrap=True)
     if solution.status is Status.INFEASIBLE and mission.payload_kg:
-        out.print("  --maximize payload finds what arrives, if anything does")
+        out.print("  --maximize payload finds the greatest payload that arrives, if any does")
     if solution.trajectory is None:
         return
     out.print()

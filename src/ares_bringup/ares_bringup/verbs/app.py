@@ -34,8 +34,8 @@ EXIT_STATUSES = """Exit status:
 
 \b
   0    flown to the target, or done
-  1    flown, but not as it should: target missed, impact, propellant gone,
-       something not jettisoned, a node lost, bag incomplete
+  1    flown, but something went wrong: target missed, impact,
+       out of propellant, a part not jettisoned, a node lost, bag incomplete
   2    could not start: bad input, in one line on standard error
   130  interrupted; what was flown is in the bag
   143  ended by SIGTERM, which a flight takes for an interruption

@@ -69,13 +69,13 @@ _NOTHING_KG = 0.1
 _TURNING_S = 0.1
 #: Reason of an optimum that no steering betters.
 _SHORTEST_BURNS = (
-    "optimal, as the free burns are no longer than they must be: those of fixed length give more "
-    "than the target takes, and the attitude wastes it"
+    "optimal: the free burns have their least length; the burns of fixed length give more delta-V "
+    "than the target needs, and the steering wastes the surplus"
 )
 #: Remedy where the flight turns faster than the intervals of the program resolve.
 _TOO_FAST = (
-    "the vehicle keeps its limits of dynamic pressure and q alpha by sharp turns alone; raise them "
-    "or lower the thrust"
+    "the vehicle keeps its limits of dynamic pressure and q alpha only by turning sharply; raise "
+    "the limits or lower the thrust"
 )
 
 
@@ -308,8 +308,8 @@ def verdict_of(
     if search.sunk_kg > (1.0 + SAME_MASS) * proven.found.m_f_kg:
         return Cause(
             Status.FEASIBLE,
-            f"a flight through the ground ends with {search.sunk_kg:,.6g} kg, and none above it "
-            "was found from there: there may be a better flight",
+            f"a flight that goes through the ground ends with {search.sunk_kg:,.6g} kg, and no "
+            "flight above the ground was found near it: there may be a better one",
         )
     most = allowed_spread(proven.found)
     if spread > most:
@@ -327,8 +327,8 @@ def verdict_of(
         return Cause(
             Status.FEASIBLE,
             f"arc {touched[0]} would go through the ground and is kept above "
-            f"{search.added[0].altitude_m:,.0f} m, near where the flight begins; name its "
-            "min_altitude_m in the file",
+            f"{search.added[0].altitude_m:,.0f} m, near the altitude of the start; set "
+            "min_altitude_m of that arc in the mission file",
         )
     return OPTIMAL
 

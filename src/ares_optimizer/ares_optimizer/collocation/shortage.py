@@ -48,9 +48,9 @@ class Shortage(NamedTuple):
         digits = 0 if short >= 1.0 else 2
         return Cause(
             Status.INFEASIBLE if self.sure else Status.STALLED,
-            f"propellant of {self.stage}: {short:,.{digits}f} kg short, the best flight "
-            f"{'takes' if self.sure else 'found takes'} {self.burnt:,.{digits}f} kg of "
-            f"{self.usable:,.{digits}f} kg",
+            f"propellant of {self.stage}: {short:,.{digits}f} kg short; best flight "
+            f"{'needs' if self.sure else 'found needs'} {self.burnt:,.{digits}f} kg, "
+            f"usable {self.usable:,.{digits}f} kg",
         )
 
 
@@ -117,9 +117,7 @@ def too_heavy(search: Search) -> Cause | None:
     search.iterations += lighter.iterations
     if lighter.best is None:
         return None
-    reason = (
-        f"no flight to the target found; with {less:,.4g} kg less on the last stage there is one"
-    )
+    reason = f"no flight to the target found; with {less:,.4g} kg less on the last stage one exists"
     return Cause(Status.STALLED, reason)
 
 

@@ -39,8 +39,8 @@ def propellant_obstacle(found: SearchResult) -> str:
     if late <= 0.0:
         return ""
     return (
-        f"propellant of the last stage: {late * transcription.flow_kg_s:,.0f} kg short, the "
-        f"best flight needs a cut-off at {found.cutoff_s:.1f} s and the propellant lasts to "
+        f"propellant of the last stage: {late * transcription.flow_kg_s:,.0f} kg short; "
+        f"best flight cuts off at {found.cutoff_s:.1f} s, the propellant lasts to "
         f"{transcription.depletion_s:.1f} s"
     )
 

@@ -98,8 +98,8 @@ def _propellant_obstacle(solver: TwoPointSolver, start: NDArray[np.void], root: 
     if short <= _SHORT_KG:
         return ""
     return (
-        f"propellant of the last stage: {short:,.0f} kg short, the best flight takes "
-        f"{used:,.0f} kg of {last['propellant']:,.0f} kg"
+        f"propellant of the last stage: {short:,.0f} kg short; best flight needs "
+        f"{used:,.0f} kg, usable {last['propellant']:,.0f} kg"
     )
 
 
