@@ -78,7 +78,7 @@ def test_no_jettison_is_too_early_where_states_are_rarer_than_cycles(law, period
 
 
 @given(st.sampled_from(FLOWN), st.integers(0, 10**6), st.sampled_from((0.2, 0.5, 1.0)))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_every_answer_of_a_dispersed_flight_keeps_the_rules(flown, seed, period_s):
     mission, name = load_mission(flown[0]), flown[1]
     simulator = Simulator(

@@ -108,6 +108,7 @@ def bags(tmp_path_factory):
 def flown(request, domain, bags):
     """Fly Ares V, once in each layout; return the output."""
     words = ("--mission", "ares_v", "--json", "--bag", str(bags / request.param))
+    words += ("--nav-period", "0.5")
     return fly(domain, bags, *words, *LAYOUTS[request.param])
 
 

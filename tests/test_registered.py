@@ -14,6 +14,7 @@ from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.registry import load_registered, registered
 from ares_optimizer.registry import METHODS, method_names
+from ares_trials.testing.samples import one_in
 
 #: Packages that no other imports.
 LEAVES = ("ares_thesis", "ares_trials")
@@ -77,13 +78,16 @@ def test_the_core_prints_its_optimum_without_a_published_one(without_leaves):
 
 @pytest.mark.parametrize(
     ("words", "complaint"),
-    [
-        (["optimize", "--method", "analytic"], "method is 'analytic'; expected one of auto, "),
-        (["optimize", "--profile", "thesis"], "No such option: --profile"),
-        (["fly", "--guidance", "peg_thesis"], "expected one of igm, optimal, peg"),
-        (["reproduce"], "No such command 'reproduce'"),
-        (["faults", "-n", "1"], "No such command 'faults'"),
-    ],
+    one_in(
+        2,
+        [
+            (["optimize", "--method", "analytic"], "method is 'analytic'; expected one of auto, "),
+            (["optimize", "--profile", "thesis"], "No such option: --profile"),
+            (["fly", "--guidance", "peg_thesis"], "expected one of igm, optimal, peg"),
+            (["reproduce"], "No such command 'reproduce'"),
+            (["faults", "-n", "1"], "No such command 'faults'"),
+        ],
+    ),
 )
 def test_what_is_not_installed_is_one_line(without_leaves, words, complaint):
     done = run(without_leaves, *words)
@@ -94,26 +98,29 @@ def test_what_is_not_installed_is_one_line(without_leaves, words, complaint):
 
 @pytest.mark.parametrize(
     ("group", "line", "words", "complaint"),
-    [
-        (
-            "ares_bringup.verbs",
-            "mine = no_such_module:verb",
-            ["mine"],
-            "no_such_module:verb cannot be imported: No module named 'no_such_module'",
-        ),
-        (
-            "ares_optimizer.methods",
-            "mine = no_such_module:METHOD",
-            ["optimize", "--method", "mine"],
-            "method is 'mine', which no_such_module:METHOD should be: No module named",
-        ),
-        (
-            "ares_optimizer.methods",
-            "mine = math:pi",
-            ["optimize", "--method", "mine"],
-            "method is 'mine'; expected math:pi to be the MethodKind of that name",
-        ),
-    ],
+    one_in(
+        2,
+        [
+            (
+                "ares_bringup.verbs",
+                "mine = no_such_module:verb",
+                ["mine"],
+                "no_such_module:verb cannot be imported: No module named 'no_such_module'",
+            ),
+            (
+                "ares_optimizer.methods",
+                "mine = no_such_module:METHOD",
+                ["optimize", "--method", "mine"],
+                "method is 'mine', which no_such_module:METHOD should be: No module named",
+            ),
+            (
+                "ares_optimizer.methods",
+                "mine = math:pi",
+                ["optimize", "--method", "mine"],
+                "method is 'mine'; expected math:pi to be the MethodKind of that name",
+            ),
+        ],
+    ),
 )
 def test_what_is_broken_is_one_line(tmp_path, group, line, words, complaint):
     register(tmp_path, group, line)

@@ -112,6 +112,7 @@ def check_links(page, report):
     assert targets <= set(known)
 
 
+@pytest.mark.trial
 def test_the_button_changes_the_theme_of_page_and_plots(read_page):
     page = read_page("wide", "light")
     colours = """() => [

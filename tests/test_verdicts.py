@@ -47,6 +47,8 @@ HELD_ELSEWHERE = {
     ("simulator killed", FLY),
     ("Ctrl-C", FLY),
     ("Ctrl-C", IN_PROCESS),
+    ("guidance killed and restarted", LAUNCH),
+    ("Ctrl-C", LAUNCH),
 }
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0

@@ -175,6 +175,10 @@ ARC = np.dtype(
         ("exhaust_velocity", np.float64),  # m/s; 1 for a coast
         ("mass_flow", np.float64),  # kg/s at full thrust; 0 for a coast
         ("engines", np.int64),  # number of identical engines; 0 for a coast
+        # of the stage's own engines where boosters burn beside them; 0: nothing burns beside them,
+        # they are a solid motor, or they are shut down
+        ("core_thrust", np.float64),  # N
+        ("core_flow", np.float64),  # kg/s
         ("duration", np.float64),  # s to its end by the clock; inf: free; 0: until depletion
         ("shortest", np.float64),  # s; lower bound of a free arc
         ("longest", np.float64),  # s; upper bound of a free arc; inf: until depletion

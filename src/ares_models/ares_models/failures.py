@@ -3,7 +3,7 @@
 
 A burn here is all consecutive arcs of a stage without a coast between them: an engine cut-off or a
 shift of the mixture ratio does not end it. Weakened engines stay weak in all remaining burns of
-their stage.
+their stage. Boosters that burn beside them burn on.
 """
 
 import math

@@ -240,6 +240,8 @@ def _core_curve(core: Row, part: BurnPart) -> _Curve:
 def _add_up(row: Row, core: Row, part: BurnPart, g0: float) -> None:
     """Write the thrust, mass flow and exit area of all that burns in a part to its arc."""
     curves = [_core_curve(core, part)]
+    if part.lit and not core["tabled"]:
+        row["core_thrust"], row["core_flow"] = core["thrust"], core["mass_flow"]
     for booster in part.lit:
         times, newtons = booster.thrust(g0)
         curves.append(_Curve(times, newtons, newtons * booster.flow_per_thrust(g0)))

@@ -55,11 +55,19 @@ class Deadline:
                 the search.
         """
         self.report = report
-        self._began = time.perf_counter()
-        self.end = math.inf if seconds is None else self._began + seconds
+        self.begin(seconds)
         self.flag: Flag = np.zeros(1, np.int64)
         self._flags = [self.flag]
         self._timer: threading.Timer | None = None
+
+    def begin(self, seconds: float | None) -> None:
+        """Count the limit from now: a request may have waited for others.
+
+        Args:
+            seconds: from now; None: no limit.
+        """
+        self._began = time.perf_counter()
+        self.end = math.inf if seconds is None else self._began + seconds
 
     def __enter__(self) -> "Deadline":
         """Start the thread that watches the clock for the kernels."""
@@ -89,8 +97,8 @@ class Deadline:
     def within(self, seconds: float) -> "Deadline":
         """Return an earlier deadline, at most ``seconds`` from now, for use between searches.
 
-        A running search ends by this deadline only, so the result of a short search does not
-        depend on the speed of the machine.
+        Kernels see the flag of the later deadline alone: a search that runs when the earlier one
+        passes still ends by itself, so its result does not depend on the speed of the machine.
         """
         sooner = Deadline(seconds, self.report)
         sooner.end = min(sooner.end, self.end)

@@ -16,7 +16,7 @@ from ares_models.failures import Failure, FailureKind
 from ares_models.kernels.sequence import SAME_TIME, arc_after_burnout
 from ares_models.kernels.throttle import throttle
 from ares_models.kernels.thrust_curve import curve_area, curve_value
-from ares_models.kernels.weakened import weaken_stage
+from ares_models.kernels.weakened import shut_down_core, weaken_stage
 from ares_optimizer.kernels.timetable import (
     HEATING_IGNORED,
     MAX_SEGMENTS,
@@ -124,6 +124,13 @@ def _cut_short(arrays: MissionArrays, begins: Array, k: int, time_s: float) -> F
     arcs = arrays.arcs.copy()
     following = int(arc_after_burnout(k, arcs))
     into = time_s - float(begins[k])
+    if following < len(arcs) and arcs[k]["core_thrust"] > 0.0:
+        # the boosters beside the engines burn on
+        shut_down_core(arcs, k)
+        before, after = _split(arrays.arcs[k : k + 1], arcs[k : k + 1], into)
+        rest = arcs[k + 1 :]
+        arcs = np.concatenate((arcs[:k], before, after, rest[rest["duration"] != 0.0]))
+        return Foreknown(arrays._replace(arcs=arcs), math.inf)
     if following < len(arcs):
         arcs[k]["duration"] = into
         arcs[k]["tail_knots"] = 0

@@ -201,7 +201,7 @@ class RequestServer:
         state = _navigation(request.nav_state) if request.use_nav_state else mission.start
         begun = time.monotonic()
         try:
-            deadline.end = time.perf_counter() + limit
+            deadline.begin(limit)
             solution = _solve(mission, method, state, deadline)
         except UnfitMethod as error:
             raise Refused(Response.UNFIT_METHOD, str(error)) from error

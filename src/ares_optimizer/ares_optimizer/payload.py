@@ -117,7 +117,8 @@ class PropellantMargin:
         if not found.flyable:
             self.out_of_time |= found.status is Status.TIME_LIMIT
             raise NoFlight(found.reason)
-        self.known = found
+        # without its proof a flight may have no trajectory, with which another search begins
+        self.known = found if found.trajectory is not None else None
         return _left(mission, stage_with_margin(mission), found)
 
 

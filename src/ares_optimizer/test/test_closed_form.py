@@ -157,6 +157,7 @@ class TestAsPropagator:
         assert finished.t_meco_s == pytest.approx(exact.t_meco_s, abs=1e-7)
 
 
+@pytest.mark.trial
 @pytest.mark.parametrize("gravity", ["inverse_square", "linear"])
 @pytest.mark.parametrize("rule", ["simpson", "milne"])
 @pytest.mark.parametrize("correction", [False, True])

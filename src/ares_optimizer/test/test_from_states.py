@@ -197,7 +197,7 @@ class TestRival:
 
         def again(guess):
             solver = TwoPointSolver(ares_v.arrays)
-            assert solver.newton(start, guess.unknowns(1)).converged
+            assert solver.solve(start, guess.unknowns(1), restart=False).converged
             return ares_v.solution
 
         nothing = failed("indirect", Cause(Status.STALLED, "not found"), iterations=7)

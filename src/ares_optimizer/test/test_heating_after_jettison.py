@@ -16,6 +16,7 @@ from ares_optimizer.direct.search import own_starts
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
+from ares_trials.testing.samples import one_in
 
 LIMIT = 1135.0
 
@@ -38,7 +39,9 @@ def by_name(solution, name):
 @pytest.mark.parametrize("method", ["direct11", "direct20"])
 @pytest.mark.parametrize(
     ("factor", "peak", "price"),
-    [(1.0, 1.0, 0.0), (1.2, 1.0, 0.0), (1.5, 1.0, 0.0), (1.8, 1.0, 0.0), (2.2, 1.11, 2230.0)],
+    one_in(
+        4, [(1.0, 1.0, 0.0), (1.2, 1.0, 0.0), (1.5, 1.0, 0.0), (1.8, 1.0, 0.0), (2.2, 1.11, 2230.0)]
+    ),
 )
 def test_density_factors(ares_v, method, factor, peak, price):
     arrays, start = dense(ares_v, factor), ares_v.start().navigation()

@@ -445,7 +445,7 @@ class TestGuesses:
         solver = TwoPointSolver(flight.arrays())
         guess = solved[MIDDLE].parameters.copy()
         guess[-3:] = 0.0
-        root = solver.newton(start, guess)
+        root = solver.solve(start, guess, restart=False)
         assert root.converged
         assert root.unknowns == pytest.approx(solved[MIDDLE].parameters, rel=1e-6, abs=1e-9)
 

@@ -380,7 +380,7 @@ class TestConvergence:
         arrays, start = ares
         velocity = start["velocity"][0]
         guess = IndirectGuess(tuple(velocity), (-0.189644,) * 3, 750.0, (420.0,))
-        alone = TwoPointSolver(arrays).newton(start, guess.unknowns(1))
+        alone = TwoPointSolver(arrays).solve(start, guess.unknowns(1), restart=False)
         assert alone.converged
         assert alone.unknowns[6] == pytest.approx(766.905, abs=0.01)
         assert solve_indirect(arrays, start, guess=guess).converged
@@ -407,7 +407,7 @@ class TestConvergence:
                     0.0,
                 ]
             )
-            root = solver.newton(start, unknowns)
+            root = solver.solve(start, unknowns, restart=False)
             if root.converged:
                 # never a success elsewhere
                 assert root.unknowns[6] == pytest.approx(reference, abs=1e-3)
@@ -438,7 +438,7 @@ class TestConvergence:
         kicked = start.copy()
         kicked["position"] += 30.0
         kicked["velocity"] -= 0.3
-        warm = solver.newton(kicked, root.unknowns)
+        warm = solver.solve(kicked, root.unknowns, restart=False)
         assert warm.converged and warm.iterations == 1
         again = solver.solve(kicked)
         np.testing.assert_allclose(warm.unknowns[6:8], again.unknowns[6:8], atol=1e-4)
@@ -734,5 +734,7 @@ class TestTimetable:
 def test_failure_statuses_are_told_apart(ares):
     arrays, start = ares
     solver = TwoPointSolver(arrays, TwoPointOptions(max_iterations=1))
-    root = solver.newton(start, np.array([0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 760.0, 420.0, 0.0]))
+    root = solver.solve(
+        start, np.array([0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 760.0, 420.0, 0.0]), restart=False
+    )
     assert root.status == newton.ITERATION_LIMIT and not root.converged

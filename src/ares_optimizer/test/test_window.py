@@ -69,6 +69,7 @@ def test_a_known_flight_that_one_start_led_to_is_not_evidence_enough(station: Wi
     assert beside.restarts > 0
 
 
+@pytest.mark.trial
 def test_the_solution_of_another_sequence_is_no_guess(station: Window) -> None:
     with pytest.raises(OptimizerError, match="solution with 0 free arcs before the last one; "):
         solve(load_mission("falcon9_gto_pad"), "auto", guess=station.best.solution)

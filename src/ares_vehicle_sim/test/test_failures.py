@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ares_models.failures import Failure, FailureError, FailureKind, read_failure
+from ares_models.kernels.weakened import weaken_stage
 from ares_models.mission import Mission, load_mission
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
@@ -97,6 +98,52 @@ def test_the_next_stage_is_lit_at_once(failure, begins):
 def test_a_burn_of_several_arcs_ends_as_one():
     simulator = fly("saturn_v_as506", Failure(FailureKind.EARLY_SHUTDOWN, 300.0), 310.0)
     assert times(simulator, IGNITION)[-1] == pytest.approx(300.0 + 0.78 + 0.2)
+
+
+#: Of `ariane5_eca_pad`.
+CORE_N, BOOSTERS_END = 1_390_000.0, 134.0
+
+
+@pytest.mark.parametrize("kind", [FailureKind.ENGINE_OUT, FailureKind.THRUST_LOW])
+def test_boosters_burn_on_beside_a_weak_engine(kind):
+    failure = Failure(kind, 50.5, thrust_ratio=0.5, flow_ratio=0.5)
+    weak, sound = (fly("ariane5_eca_pad", each, 51.0).truth() for each in (failure, None))
+    assert sound["thrust"] - weak["thrust"] == pytest.approx(0.5 * CORE_N, rel=1e-6)
+    flow = CORE_N / (432.0 * 9.80665)
+    assert sound["mass_flow"] - weak["mass_flow"] == pytest.approx(0.5 * flow, rel=1e-6)
+
+
+@pytest.mark.parametrize("lasts", [True, False])
+def test_what_a_weak_engine_leaves_beside_boosters_is_burnt_after_them(lasts):
+    arcs = load_mission("ariane5_eca_pad").arrays().arcs
+    core = np.flatnonzero(arcs["stage"] == 0)
+    alone = core[-1]
+    assert arcs["core_thrust"][core].tolist() == [CORE_N] * (len(core) - 1) + [0.0]
+    begin, length = float(arcs["duration"][: core[-1]].sum()), float(arcs["duration"][alone])
+    weaken_stage(arcs, 0, 2.0, (0.5, 0.5), lasts)
+    wanted = (length + 0.5 * (begin - 2.0)) / 0.5 if lasts else length
+    assert arcs["duration"][alone] == pytest.approx(wanted, rel=1e-12)
+    assert float(arcs["duration"][: core[-1]].sum()) == begin
+    assert arcs["core_thrust"][0] == 0.5 * CORE_N
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [
+        Failure(FailureKind.EARLY_SHUTDOWN, 50.5),
+        Failure(FailureKind.FAILED_IGNITION, arc=1),
+    ],
+    ids=str,
+)
+def test_boosters_burn_on_beside_an_engine_that_is_shut_down(failure):
+    sound, alone = fly("ariane5_eca_pad", until=51.0).truth(), fly("ariane5_eca_pad", failure, 51.0)
+    assert sound["thrust"] - alone.truth()["thrust"] == pytest.approx(CORE_N, rel=1e-6)
+    while alone.plant["time"] < BOOSTERS_END + 7.0:
+        alone.advance()
+    assert times(alone, JETTISON_DONE) == [pytest.approx(BOOSTERS_END)]
+    # with the fairing, which goes later
+    assert alone.plant["mass"] == pytest.approx(5490.0 + 14900.0 + 10050.0 + 2400.0, abs=1e-6)
+    assert load_mission("ariane5_eca_pad").arrays().arcs["stage"][alone.plant["arc"]] == 1
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,14 @@ def flow_value(arc: Record, t: float) -> float:
 
 
 @kernel
+def start_area(arc: Record, t: float) -> float:
+    """Integrate the thrust fraction to ``t`` s after the ignition command, s of full thrust."""
+    if arc.start_knots == 0:
+        return t
+    return curve_area(arc.start_time, arc.start_fraction, arc.start_knots, t)
+
+
+@kernel
 def flow_area(arc: Record, t: float) -> float:
     """Integrate the mass flow fraction to ``t`` s after the ignition command, s of full flow."""
     if arc.start_knots == 0:

@@ -188,15 +188,16 @@ def _lifted(
     search: Search, proven: Proven, floors: dict[int, Floor], levels: dict[int, float]
 ) -> Proven:
     """Solve again with higher floors at the states, if the flight that verifies dips below one."""
-    found, flight = proven.found, proven.flight
+    flight = proven.flight
+    if flight is None or not flight.whole:
+        return proven
+    raised = {}
     for k, floor in floors.items():
-        if flight is None or not flight.whole or not math.isfinite(floor.altitude_m):
-            continue
         sag = floor.altitude_m - lowest_altitude(search.arrays, flight, k)
-        if sag > FLOOR_M:
-            again = _with_levels(search, found, levels | {k: levels[k] + sag})
-            found = again or found
-    if found is proven.found:
+        if math.isfinite(floor.altitude_m) and sag > FLOOR_M:
+            raised[k] = levels[k] + sag
+    found = _with_levels(search, proven.found, levels | raised) if raised else None
+    if found is None:
         return proven
     return _verified(search, found, adjoint_of(found.program, found.point))
 

@@ -149,7 +149,6 @@ class CollocationProgram:
         """
         self.arrays = arrays
         self.start = start
-        self.trial = times
         self.waiting = len(times.drops)
         self.mission = arrays.records()
         self.segments = segments_of(arrays, start, times)

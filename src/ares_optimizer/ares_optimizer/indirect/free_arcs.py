@@ -270,7 +270,9 @@ def find_planned(
             search.keep_if_best(search.count_work(solver.solve(start, guess, restart=False)))
             _from_held(search, lengths_of(solver, start, guess), guess)
         for trial, lengths in enumerate(trial_lengths(solver.arrays, start)):
-            if trial == _MOST_TRIALS or search.vanishes or solver.deadline.passed:
+            # one is flown even where the time limit has just passed
+            over = trial > 0 and solver.deadline.passed
+            if trial == _MOST_TRIALS or search.vanishes or over:
                 break
             if trial >= _LEAST_TRIALS and search.again >= _ENOUGH:
                 break
@@ -278,12 +280,10 @@ def find_planned(
     finally:
         solver.options["max_iterations"] = whole
     root = search.best or search.last
-    if root is not None:
-        # these arcs stay held when the root is refined
-        held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold != NOT_HELD}
-        solver.hold(start, held)
-    if root is None:
-        root = solver.newton(start, unknowns_of(solver, start, np.zeros(0), 0.0))
+    assert root is not None
+    # these arcs stay held when the root is refined
+    held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold != NOT_HELD}
+    solver.hold(start, held)
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
 
 

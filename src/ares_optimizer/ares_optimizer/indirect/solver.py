@@ -466,15 +466,6 @@ class TwoPointSolver:
                 dry = high[f] < self.arrays.arcs[k]["longest"]
                 switches[f]["hold"] = DRY if dry else AT_LONGEST
 
-    def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
-        """Solve by Newton's method from a guess alone, as a guidance cycle does."""
-        trial = self._padded(start, unknowns)
-        self.work["pinned"] = 0
-        iterations, residual, status = newton.solve_two_point(
-            start[0], self._mission, self.options[0], trial, self.work[0]
-        )
-        return self._root(start, trial, iterations, residual, status, 0)
-
     def shoot(self, start: NDArray[np.void], unknowns: Array) -> tuple[Array, Array, Array]:
         """Fly the unknowns.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
 from ares_models.kernels.throttle import throttle
-from ares_models.kernels.weakened import weaken_stage
+from ares_models.kernels.weakened import shut_down_core, weaken_stage
 from ares_vehicle_sim.arrays import (
     EARLY_SHUTDOWN,
     ENGINE_OUT,
@@ -118,4 +118,9 @@ def strike(plant: Record, arcs: NDArray[Any]) -> bool:
             fix_throttle(plant, arcs)
         else:
             failure.struck = IN_VAIN
-    return failure.kind == EARLY_SHUTDOWN or failure.kind == FAILED_IGNITION
+    shuts_down = failure.kind == EARLY_SHUTDOWN or failure.kind == FAILED_IGNITION
+    if shuts_down and arcs[plant.arc].core_thrust > 0.0:
+        # the boosters beside the engines burn on
+        shut_down_core(arcs, plant.arc)
+        return False
+    return shuts_down

@@ -36,6 +36,8 @@ def vary_start(arc: Record, delay: float, scale: float) -> None:
         # a solid motor that burns more slowly gives less thrust for longer
         arc.thrust /= scale
         arc.mass_flow /= scale
+        arc.core_thrust /= scale
+        arc.core_flow /= scale
         arc.duration = arc.duration * scale + delay
     if delay > 0.0:
         if knots == 0:
@@ -90,6 +92,8 @@ def vary_arcs(
         arc.thrust *= thrust
         arc.exhaust_velocity *= impulse
         arc.mass_flow *= thrust / impulse
+        arc.core_thrust *= thrust
+        arc.core_flow *= thrust / impulse
         ignited = k > 0 and (nominal[k - 1].kind != BURN or nominal[k - 1].stage < stage)
         if ignited or arc.start_knots > 0:
             vary_start(

@@ -29,9 +29,15 @@ from ares_models.kernels.aerodynamics import body_force, is_in_air, pressure_los
 from ares_models.kernels.sequence import aboard, drop_time, empty_mass, last_ignition
 from ares_models.kernels.steering import steered_direction
 from ares_models.kernels.throttle import FULL, LEAST, LIMITED, throttle_regime
-from ares_models.kernels.thrust_curve import start_length, tail_length
+from ares_models.kernels.thrust_curve import (
+    flow_area,
+    start_area,
+    start_length,
+    start_value,
+    tail_length,
+)
 from ares_models.kernels.vectors import Vector, axpy, load, norm, scale, store, sub, unit
-from ares_models.kernels.weakened import weaken_stage
+from ares_models.kernels.weakened import shut_down_core, weaken_stage
 
 #: Period of the checks, s.
 LOOK = 1.0
@@ -61,6 +67,9 @@ LATE = 0.75
 #: engines before; at a stage's first check, three sigma of the standard dispersions.
 SAME_SHARE = 0.005
 SAME_SHARE_AT_FIRST = 0.03
+#: Error of the time of a knot in a booster's thrust table: s, and share of the time since ignition.
+SHIFT = 1.0
+SHIFT_SHARE = 0.02
 
 
 @inlined
@@ -157,6 +166,42 @@ def weaken_left(
 
 
 @kernel
+def beside_boosters(
+    arc: Record, since: float, until: float, thrust: float, consumed: float
+) -> tuple[float, float, float, float]:
+    """Take the planned part of the boosters out of a measured thrust and mass flow.
+
+    Args:
+        arc: record ARC, in which boosters burn beside the stage's own engines.
+        since, until: times since its begin between which they are measured, s.
+        thrust, consumed: measured over full thrust and mass flow of the arc.
+
+    Returns:
+        Thrust and mass flow of the engines alone over their own; factor on errors of the sum;
+        error of a change between two checks by a table whose knots come early or late.
+    """
+    planned = taken = 1.0
+    bend = 0.0
+    if arc.start_knots > 0:
+        planned = (start_area(arc, until) - start_area(arc, since)) / (until - since)
+        taken = (flow_area(arc, until) - flow_area(arc, since)) / (until - since)
+        shift = SHIFT + SHIFT_SHARE * until
+        for i in range(1, arc.start_knots):
+            at = arc.start_time[i]
+            if since - LOOK - shift < at < until + shift:
+                here = start_value(arc, at)
+                sides = start_value(arc, at - shift) + start_value(arc, at + shift)
+                bend += abs(sides - 2.0 * here)
+    factor = arc.thrust / arc.core_thrust
+    return (
+        1.0 + (thrust - planned) * factor,
+        1.0 + (consumed - taken) * arc.mass_flow / arc.core_flow,
+        factor,
+        bend * factor,
+    )
+
+
+@kernel
 def has_burnt_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: float) -> bool:
     """Return whether only the present arc has burnt since the last check, without a transient.
 
@@ -170,6 +215,8 @@ def has_burnt_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: fl
     since = found.seen - nav.arc_start_time
     if nav.arc > 0 and since < tail_length(arcs[nav.arc - 1]):
         return False
+    if arc.core_thrust > 0.0:
+        return found.before != 0.0
     if since >= start_length(arc) + LATEST:
         return True
     if nav.arc > 0 and arc.start_knots == 0:
@@ -242,24 +289,38 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
     arc = mission.arcs[nav.arc]
     span = nav.time - found.seen
     burnt = found.mass - nav.mass
-    skipped = arc.kind != BURN or arc.tabled == 1
+    beside = arc.core_thrust > 0.0
+    skipped = arc.kind != BURN or (arc.tabled == 1 and not beside)
     if skipped or nav.jettisoned != found.jettisoned or not burnt > 0.0:
         found.before = 0.0
         return
     gain = found.gain
     flow = burnt / span
     thrust = gain * flow / math.log(found.mass / nav.mass) / arc.thrust
+    consumed = flow / arc.mass_flow
+    factor, error = 1.0, 0.0
+    if beside:
+        since, until = found.seen - nav.arc_start_time, nav.time - nav.arc_start_time
+        thrust, consumed, factor, error = beside_boosters(arc, since, until, thrust, consumed)
+    known = found.thrust > 0.0
+    allowed = (CHANGE if known else FOREIGN) * factor + error
     steady = has_burnt_steadily(nav, found, mission.arcs, thrust)
     found.before = thrust
+    if steady and beside and thrust < allowed < 0.5:
+        if found.total > 0.0:
+            if initialize_left(mission, state):
+                shut_down_core(state.left.arcs[: state.left.count], nav.arc)
+            found.thrust = found.flow = found.total = found.total_flow = 0.0
+            record_finding(onboard, FOUND_EARLY_END, nav.arc, 0.0)
+        return
     if not steady or thrust < BURNS or check_throttle(mission, onboard, gain, flow):
         return
-    consumed = flow / arc.mass_flow
-    known = found.thrust > 0.0
     ratio = thrust / found.thrust if known else thrust
     flows = consumed / found.flow if known else consumed
-    if abs(ratio - 1.0) > (CHANGE if known else FOREIGN):
+    if abs(ratio - 1.0) > allowed:
         if found.total == 1.0:
             found.spread = SAME_SHARE if found.looks > 1 else SAME_SHARE_AT_FIRST
+            found.spread = found.spread * factor + error
             if found.looks == 1:
                 # the loss may have happened before the first check
                 found.total, found.total_flow = found.thrust, found.flow
@@ -384,6 +445,12 @@ def run_checks(mission: MissionRecords, onboard: Onboard) -> None:
             elif nav.arc > found.arc:
                 check_end(mission, onboard)
                 found.before = 0.0
+                if arcs[found.arc].core_thrust > 0.0 or arcs[nav.arc].core_thrust > 0.0:
+                    # an error of the boosters' thrust counted for one of the engines
+                    lost = onboard.state.left.count == 0 and found.total != 1.0
+                    found.thrust = found.total if lost else 0.0
+                    found.flow = found.total_flow if lost else 0.0
+                    found.looks = 0
     else:
         found.total = found.total_flow = 1.0
         for j in range(found.overdue.shape[0]):
