@@ -338,6 +338,7 @@ SOLUTION = np.dtype(
         ("direction_rate", np.float64, (3,)),
         ("reference_time", np.float64),
         ("turn", np.float64),  # rad, largest turn from the mean direction in the last pass
+        ("released", np.int64),  # 1: the last pass left the place as it comes
         ("primer", PRIMER),
         ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
         ("tail_gain", np.float64),  # s of full thrust with the impulse of the tail-off

@@ -50,6 +50,7 @@ _COUNTED = ", which counts from the centre"
 _SAME = {
     "altitude": ("radius_m", _COUNTED),
     "height": ("radius_m", _COUNTED),
+    "max_q_pa": ("max_dynamic_pressure_pa", ""),
     "longitude": ("right_ascension_deg", ", which counts from the inertial x axis"),
 }
 

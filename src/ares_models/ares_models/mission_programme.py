@@ -103,7 +103,8 @@ class ProgrammePart(Part):
         else:
             needed, others = turn, (*table, "horizon", "beyond")
         named = [key for key in others if key in self.model_fields_set]
-        self.refuse(named, f"no such key beside {needed[-1]}")
+        there = [key for key in needed if key in self.model_fields_set] or needed[-1:]
+        self.refuse(named, f"no such key beside {there[0]}")
         for key in reversed(needed):
             if getattr(self, key) is None:
                 fail((key,), None, _NEEDED[key] + instead)

@@ -61,6 +61,10 @@ LEAST_LOADED = 0.98
 LEAST_FLOOR = 1e3
 #: Least altitude of the last of several knots of a wind, m; smaller ones are probably in km.
 LEAST_WIND_TOP = 100.0
+#: Largest wind, m/s, below an altitude, m: that of the strongest tornadoes is 130 m/s.
+FIERCEST_WIND, LOW_WIND_M = 60.0, 3e3
+#: Least limit of dynamic pressure, Pa; a smaller one is probably in kPa.
+LEAST_PRESSURE = 1e3
 #: Largest relative distance from the size of the synchronous orbit.
 SYNCHRONOUS = 1e-3
 #: Least dry mass over propellant; the lightest stages have three times as much.
@@ -150,6 +154,7 @@ def _doubts(mission: "Mission") -> Iterator[Doubt]:
     yield from _start(mission)
     yield from _held(mission)
     yield from _wind(mission)
+    yield from _limits(mission)
     yield from _loads(mission)
     for i in range(len(mission.stages)):
         yield from _stage(mission, i)
@@ -172,11 +177,30 @@ def _held(mission: "Mission") -> Iterator[Doubt]:
 
 
 def _wind(mission: "Mission") -> Iterator[Doubt]:
-    """Tell of a wind by altitudes that are probably in km."""
+    """Tell of a wind by altitudes that are probably in km, or by speeds and directions."""
     knots = mission.environment.atmosphere.wind_table or ()
+    path = ("environment", "atmosphere", "wind_table")
     if len(knots) > 1 and knots[-1][0] < LEAST_WIND_TOP:
-        text = f"ends at {knots[-1][0]:g} m; are its altitudes in m?"
-        yield Doubt(("environment", "atmosphere", "wind_table"), text)
+        yield Doubt(path, f"ends at {knots[-1][0]:g} m; are its altitudes in m?")
+    for altitude, *wind in knots:
+        if altitude < LOW_WIND_M and math.hypot(*wind) > FIERCEST_WIND:
+            asked = "are its knots [altitude, eastward, northward], not speed and direction?"
+            yield Doubt(path, f"has {math.hypot(*wind):.0f} m/s at {altitude:g} m; {asked}")
+            break
+
+
+def _limits(mission: "Mission") -> Iterator[Doubt]:
+    """Tell of limits that are probably in kPa or km."""
+    safe = mission.abort.safe_perigee_altitude_m if mission.abort else None
+    if safe is not None and 0.0 < safe < LEAST_FLOOR and _density(mission, safe) > THICK_AIR:
+        path = ("abort", "safe_perigee_altitude_m")
+        yield Doubt(path, f"is {safe:g} m, inside the air; is it in m?")
+    for i, stage in enumerate(mission.stages):
+        limit = stage.max_dynamic_pressure_pa
+        if limit is not None and limit < LEAST_PRESSURE:
+            path = ("stages", i, "max_dynamic_pressure_pa")
+            text = f"is {limit:g} Pa; launchers pass through 20,000 to 60,000 Pa; is it in Pa?"
+            yield Doubt(path, text)
 
 
 def _density(mission: "Mission", altitude: float) -> float:

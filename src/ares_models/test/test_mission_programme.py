@@ -46,7 +46,7 @@ BROKEN = {
     "both forms": (
         "  kick_deg: 4.0\n",
         "  kick_deg: 4.0\n  over: time_s\n",
-        "programme.over is 'time_s'; expected no such key beside azimuth_deg",
+        "programme.over is 'time_s'; expected no such key beside kick",
     ),
     "a kick into nowhere": (
         "  azimuth_deg: 60.5\n",

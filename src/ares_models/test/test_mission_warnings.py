@@ -46,6 +46,14 @@ def changed(tmp_path, changes, base=TEMPLATE):
 
 
 SLIPS = {
+    "wind by direction": (
+        {"environment.atmosphere.wind_table": [[0.0, 5.0, 180.0], [9000.0, 40.0, 190.0]]},
+        ["environment.atmosphere.wind_table has 180 m/s at 0 m; are its knots [altitude, eastw"],
+    ),
+    "pressure in kPa": (
+        {"stages.0.max_dynamic_pressure_pa": 45.0},
+        ["stages[0].max_dynamic_pressure_pa is 45 Pa; launchers pass through 20,000 to 60,000"],
+    ),
     "wind by km": (
         {"environment.atmosphere.wind_table": [[0.0, 3.0, 1.0], [5.0, 18.0, 4.0], [20.0, 8.0, 0]]},
         ["environment.atmosphere.wind_table ends at 20 m; are its altitudes in m?"],
@@ -159,6 +167,10 @@ ABOVE_THE_AIR = {
     "speed in km/s": (
         {"initial_state.speed_m_s": 3.024},
         ["initial_state.speed_m_s makes 3.02 m/s; is it in m/s?"],
+    ),
+    "a safe perigee in km": (
+        {"abort": {"safe_perigee_altitude_m": 150.0}},
+        ["abort.safe_perigee_altitude_m is 150 m, inside the air; is it in m?"],
     ),
 }
 

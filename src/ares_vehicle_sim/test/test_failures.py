@@ -108,9 +108,9 @@ CORE_N, BOOSTERS_END = 1_390_000.0, 134.0
 def test_boosters_burn_on_beside_a_weak_engine(kind):
     failure = Failure(kind, 50.5, thrust_ratio=0.5, flow_ratio=0.5)
     weak, sound = (fly("ariane5_eca_pad", each, 51.0).truth() for each in (failure, None))
-    assert sound["thrust"] - weak["thrust"] == pytest.approx(0.5 * CORE_N, rel=1e-6)
+    assert sound["thrust"] - weak["thrust"] == pytest.approx(0.5 * CORE_N, rel=1e-4)
     flow = CORE_N / (432.0 * 9.80665)
-    assert sound["mass_flow"] - weak["mass_flow"] == pytest.approx(0.5 * flow, rel=1e-6)
+    assert sound["mass_flow"] - weak["mass_flow"] == pytest.approx(0.5 * flow, rel=1e-4)
 
 
 @pytest.mark.parametrize("lasts", [True, False])
@@ -137,7 +137,7 @@ def test_what_a_weak_engine_leaves_beside_boosters_is_burnt_after_them(lasts):
 )
 def test_boosters_burn_on_beside_an_engine_that_is_shut_down(failure):
     sound, alone = fly("ariane5_eca_pad", until=51.0).truth(), fly("ariane5_eca_pad", failure, 51.0)
-    assert sound["thrust"] - alone.truth()["thrust"] == pytest.approx(CORE_N, rel=1e-6)
+    assert sound["thrust"] - alone.truth()["thrust"] == pytest.approx(CORE_N, rel=1e-4)
     while alone.plant["time"] < BOOSTERS_END + 7.0:
         alone.advance()
     assert times(alone, JETTISON_DONE) == [pytest.approx(BOOSTERS_END)]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
+from ares_models.kernels.sequence import arc_after_burnout
 from ares_models.kernels.thrust_curve import flow_area, start_length
 
 
@@ -91,9 +92,10 @@ def weaken_stage(
             weaken_core(arc, ratios)
             continue
         if lasts and math.isfinite(arc.duration) and arc.tabled == 0:
-            left = area_left(arc, into if i == k else 0.0) + unburnt / arc.mass_flow
-            arc.duration += left * (1.0 / flow - 1.0) + unburnt / arc.mass_flow
-            unburnt = 0.0
+            left = area_left(arc, into if i == k else 0.0)
+            arc.duration += left * (1.0 / flow - 1.0)
+            if i + 1 == arc_after_burnout(k, arcs):
+                arc.duration += unburnt / (flow * arc.mass_flow)
         arc.thrust *= thrust
         arc.mass_flow *= flow
         arc.exhaust_velocity *= thrust / flow

@@ -141,7 +141,8 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
         if math.isinf(limit):
             return error, reachable
         good = error == ERROR_NONE and reachable and state.solution.turn <= limit
-        released = may_release_place(mission, onboard, state.solution.turn)
+        released = may_release_place(mission, onboard, state.solution.turn, math.inf)
+        released = released or state.solution.released == 1
         # where the place is free the pass moves the aim instead, if it has not just begun
         released = released and not (good and leaves_place_free(mission.target))
         if error == ERROR_NONE and reachable and released:

@@ -212,7 +212,8 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     k_1 = within_limit((risen - norm(wanted_r)) / (d_p * math.cos(pitch)))
     k_2 = ratio * k_1
     solution.turn = max(abs(k_1), abs(k_3))
-    if may_release_place(mission, onboard, abs(k_1)):
+    solution.released = 1 if may_release_place(mission, onboard, abs(k_1), risen) else 0
+    if solution.released == 1:
         if leaves_place_free(target):
             aim_at_radius(target, risen)
         else:

@@ -26,13 +26,22 @@ from ares_models.arrays import (
 from ares_models.jit import kernel
 from ares_models.kernels.targets import names
 from ares_models.kernels.vectors import add, axpy, load, norm, scale, store, unit
+from ares_models.tolerances import RADIUS_M
 
 #: Largest cost of the exact radius, as a fraction of the mass.
 DEAREST = 5e-3
 #: Largest turn, rad, at which the exact target is cheap.
 CHEAP_TURN = 0.2
+#: Error of a target's radius that a burn leaves as it is if it is too short to correct it, m.
+LEFT_RADIUS = 0.8 * RADIUS_M
 #: Iterations between radius and steering.
 NEAR_ROUNDS = 3
+
+
+@kernel
+def names_radius(target: Record) -> bool:
+    """Return whether a target is a radius, a speed and a flight-path angle."""
+    return target.kind in (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE)
 
 
 @kernel
@@ -45,31 +54,36 @@ def may_release_radius(mission: MissionRecords, onboard: Onboard, cold: bool) ->
         cold: there is no solution to continue from.
     """
     state = onboard.state
-    kind = mission.target.kind
     return (
         state.found.count > 0
         and not cold
         and (state.aim == AIM_NEAR or (state.aim == AIM_TARGET and state.lowered == 0.0))
         and state.saved.time_to_go <= onboard.settings.restart_time
-        and kind in (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE)
+        and names_radius(mission.target)
     )
 
 
 @kernel
-def may_release_place(mission: MissionRecords, onboard: Onboard, turn: float) -> bool:
+def may_release_place(
+    mission: MissionRecords, onboard: Onboard, turn: float, radius: float
+) -> bool:
     """Return whether a burn need not correct its radius: it is too short for that.
 
-    Speed and angle are those of the target's orbit at the place where the burn ends.
+    Speed and angle are those of the target's orbit at the place where the burn ends. Where the
+    target names a radius, it must be met within LEFT_RADIUS.
 
     Args:
         mission: as guidance believes it.
         onboard: state of guidance.
         turn: needed to meet the present radius, rad.
+        radius: at the end of the burn without that turn, m.
     """
     late = onboard.state.solution.time_to_go <= onboard.settings.restart_time
     target = mission.target
-    on_orbit = target.kind == TARGET_ELEMENTS and not names(target, NAMES_TRUE_ANOMALY)
-    return late and turn > CHEAP_TURN and on_orbit
+    released = target.kind == TARGET_ELEMENTS and not names(target, NAMES_TRUE_ANOMALY)
+    if names_radius(target):
+        released = abs(radius - target.radius) <= LEFT_RADIUS
+    return late and turn > CHEAP_TURN and released
 
 
 @kernel

@@ -83,7 +83,9 @@ def steer(
     solution.turn = norm(rate) * max(k, t_go - k)
     if solution.turn > STEEPEST:
         rate = scale(STEEPEST / solution.turn, rate)
-    let_go = may_release_place(mission, onboard, solution.turn)
+    ended = norm(axpy(s_sum, direction, add(axpy(horizon, v, r), gravity_r)))
+    let_go = may_release_place(mission, onboard, solution.turn, ended)
+    solution.released = 1 if let_go else 0
     if let_go:
         rate = (0.0, 0.0, 0.0)
         r_go = scale(s_sum, direction)
