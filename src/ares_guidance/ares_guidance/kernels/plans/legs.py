@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
     ERROR_TIME_TO_GO_JUMP,
+    LAW_OPTIMAL,
     PHASE_CONVERGING,
     PHASE_IDLE,
     PHASE_TRACKING,
@@ -174,7 +175,7 @@ def time_coast(mission: MissionRecords, nav: Record, plan: Record) -> None:
 
 @kernel
 def meet_radius(mission: MissionRecords, onboard: Onboard) -> None:
-    """Let the coast before a short last burn end where it passes the radius of its planned place.
+    """Let the coast before a short last burn end where it passes the radius of the target.
 
     An error of 0.05 m/s in the burn before moves the apogee by 180 m, which a burn of seconds
     cannot correct.
@@ -190,14 +191,15 @@ def meet_radius(mission: MissionRecords, onboard: Onboard) -> None:
     arc = mission.arcs[k]
     begun = nav.time - nav.arc_start_time
     ahead = planned = plan.length[k] - begun
-    place = norm(load(plan.position[k]))
+    half = 0.5 * state.solution.time_to_go
     if (
         not (names_radius(mission.target) and k + 2 == mission.arcs.shape[0])
         or arc.kind != COAST
         or math.isfinite(arc.duration)
         or state.phase != PHASE_TRACKING
-        or state.solution.time_to_go > onboard.settings.restart_time
-        or place == 0.0
+        # its solution is for the planned ignition
+        or state.law == LAW_OPTIMAL
+        or 2.0 * half > onboard.settings.restart_time
         or not AIMED < planned < LATE_IN_COAST
     ):
         return
@@ -208,8 +210,9 @@ def meet_radius(mission: MissionRecords, onboard: Onboard) -> None:
         bend = dot(cross(r, v), cross(r, v)) / size**3 - mission.environment.mu / size**2
         if not bend < 0.0:
             return
-        # no root: the apogee is below that radius
-        root = math.sqrt(max(0.0, climb * climb - 2.0 * bend * (size - place)))
+        # in the middle of the burn; no root: the apogee is below that radius
+        above = size - mission.target.radius - 0.5 * bend * half * half
+        root = math.sqrt(max(0.0, climb * climb - 2.0 * bend * above))
         early, late = (root - climb) / bend, (-root - climb) / bend
         ahead += early if abs(early) < abs(late) else late
     if abs(ahead - planned) < MOST_MOVED:
