@@ -81,9 +81,10 @@ class AtmospherePart(Part):
             if self.model != model:
                 self.refuse(keys, f"no such key, because model is {self.model}")
                 continue
-            for key in keys:
-                if getattr(self, key) is None:
-                    fail((key,), None, f"a number, because model is {model}")
+            missing = [key for key in keys if getattr(self, key) is None]
+            if missing:
+                others = f" for it, and for {', '.join(missing[1:])}" if missing[1:] else ""
+                fail((missing[0],), None, f"a number{others}, because model is {model}")
         if self.model == "none" and "density_factor" in self.model_fields_set:
             fail(("density_factor",), self.density_factor, "no such key, because model is none")
         if self.wind_table is not None:

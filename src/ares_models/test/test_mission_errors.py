@@ -336,7 +336,7 @@ BROKEN = {
         "model: pra63",
         "model: nrlmsis",
         "environment.atmosphere.f107",
-        "is missing; expected a number, because model is nrlmsis",
+        "is missing; expected a number for it, and for f107a, ap",
     ),
     "nrlmsis without an epoch": (
         "model: pra63",

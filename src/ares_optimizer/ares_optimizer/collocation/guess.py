@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Iterator
-from itertools import product
+from itertools import chain, tee
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,8 +190,10 @@ def _best_first(pilot: Pilot) -> Iterator[TrialFlight]:
     """
     others = []
     burns = {k: _MAIN_BURN * pilot.longest(k) for k in pilot.free}
-    splits = [{}, burns] if burns else [{}]
-    for split, (constants, known) in product(splits, list(_start_constants(pilot))):
+    # a zero-lift turn is sought when it is needed: that takes several flights
+    starts, again = tee(_start_constants(pilot))
+    tries = chain(((each, {}) for each in starts), ((each, burns) for each in again if burns))
+    for (constants, known), split in tries:
         times = _first_times(pilot, constants, known | split, {})
         if times is None:
             continue
