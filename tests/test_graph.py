@@ -70,7 +70,7 @@ def answers(graph) -> int:
 
 
 def test_two_nodes_fly_the_default_mission(graph):
-    simulator = graph.start(VehicleSimNode, nav_period=0.5)
+    simulator = graph.start(VehicleSimNode, navigation_period_s=0.5)
     graph.start(GuidanceNode)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     kinds = [event.type for event in graph.events]

@@ -123,7 +123,7 @@ def flown(graph, tmp_path):
         bag=str(tmp_path / "bag"),
         topics=["vehicle_state", "flight_event", *also],
     )
-    graph.start(VehicleSimNode, expected_recorders=1, nav_period=0.5)
+    graph.start(VehicleSimNode, expected_recorders=1, navigation_period_s=0.5)
     graph.start(GuidanceNode)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     graph.spin(lambda: "flight complete" in viewer.texts())

@@ -193,14 +193,13 @@ def _limits(mission: "Mission") -> Iterator[Doubt]:
     """Tell of limits that are probably in kPa or km."""
     safe = mission.abort.safe_perigee_altitude_m if mission.abort else None
     if safe is not None and 0.0 < safe < LEAST_FLOOR and _density(mission, safe) > THICK_AIR:
-        path = ("abort", "safe_perigee_altitude_m")
-        yield Doubt(path, f"is {safe:g} m, inside the air; is it in m?")
+        text = f"is {safe:g} m, inside the air; is it in m?"
+        yield Doubt(("abort", "safe_perigee_altitude_m"), text)
     for i, stage in enumerate(mission.stages):
         limit = stage.max_dynamic_pressure_pa
         if limit is not None and limit < LEAST_PRESSURE:
-            path = ("stages", i, "max_dynamic_pressure_pa")
             text = f"is {limit:g} Pa; launchers pass through 20,000 to 60,000 Pa; is it in Pa?"
-            yield Doubt(path, text)
+            yield Doubt(("stages", i, "max_dynamic_pressure_pa"), text)
 
 
 def _density(mission: "Mission", altitude: float) -> float:

@@ -728,10 +728,10 @@ def test_a_burn_that_has_grown_needs_new_intervals() -> None:
 
 
 def test_intervals_of_a_coast_are_longer_where_its_orbit_is_slow() -> None:
-    first, _ = first_program("geostationary_transfer")
-    times = first.trial._replace(
-        lengths=first.trial.lengths + 2e4,
-        cutoff=first.trial.cutoff + 2e4 * len(first.trial.lengths),
+    first, guess = first_program("geostationary_transfer")
+    known = times_of(first, guess)
+    times = known._replace(
+        lengths=known.lengths + 2e4, cutoff=known.cutoff + 2e4 * len(known.lengths)
     )
     low = CollocationProgram(first.arrays, first.start, times)
     p = int(np.argmax(low.intervals))

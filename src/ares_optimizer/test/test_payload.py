@@ -207,6 +207,7 @@ def test_burns_of_fixed_length_that_give_too_much_carry_more(
         idle = carried < 150.0
         return SimpleNamespace(
             flyable=not idle,
+            trajectory=None,
             last_burn_kg=0.0 if idle else used,
             m_f_kg=stack - dropped - used,
             reason="off by 9 km",

@@ -20,7 +20,7 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
     Onboard,
 )
-from ares_guidance.kernels.cycle import SHORT_BURN, guidance_step
+from ares_guidance.kernels.cycle import SHORT_BURN, aims_ahead, guidance_step
 from ares_guidance.kernels.laws.near import names_radius
 from ares_guidance.kernels.laws.start import start_guess
 from ares_guidance.kernels.monitors.engines import present_engine
@@ -196,6 +196,8 @@ def meet_radius(mission: MissionRecords, onboard: Onboard) -> None:
         not (names_radius(mission.target) and k + 2 == mission.arcs.shape[0])
         or arc.kind != COAST
         or math.isfinite(arc.duration)
+        # after an ascent through the air alone is a short burn aimed until its ignition
+        or not aims_ahead(state)
         or state.phase != PHASE_TRACKING
         # its solution is for the planned ignition
         or state.law == LAW_OPTIMAL
