@@ -88,9 +88,9 @@ def test_two_nodes_fly_the_default_mission(graph):
     assert np.linalg.norm(cutoff.position) == pytest.approx(6_518_889.0, abs=1.0)
     assert np.linalg.norm(cutoff.velocity) == pytest.approx(7840.675, abs=0.01)
     assert cutoff.mass >= 174_060.0
-    # a navigation state every 0.1 s from 155.9 s, none lost, none twice
+    # a navigation state every 0.5 s from 155.9 s, none lost, none twice
     assert [state.sequence for state in graph.states] == list(range(len(graph.states)))
-    assert len(graph.states) == pytest.approx((cutoff.time - 155.9) / 0.1, abs=1.5)
+    assert len(graph.states) == pytest.approx((cutoff.time - 155.9) / 0.5, abs=1.5)
     assert simulator.simulator.ended_well
     assert not graph.reports
 
