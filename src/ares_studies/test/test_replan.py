@@ -6,7 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ares_guidance.arrays import FOUND_ENGINE_LOST, FOUND_NOTHING, FOUND_THRUST_LOW
+from ares_guidance.arrays import (
+    FOUND_EARLY_END,
+    FOUND_ENGINE_LOST,
+    FOUND_NOTHING,
+    FOUND_THRUST_LOW,
+)
 from ares_guidance.laws import make_law
 from ares_guidance.plan import plan_of
 from ares_guidance.settings import LawSettings
@@ -14,9 +19,10 @@ from ares_models.failures import Failure, FailureKind
 from ares_models.judge import End
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import fly_stepwise, offline_trajectory
+from ares_studies.closed_loop import fly_compiled, fly_stepwise, offline_trajectory
 from ares_trials.testing.arrivals import judged
 from ares_vehicle_sim.dispersions import load_dispersions
+from ares_vehicle_sim.simulator import CAMPAIGN
 
 pytestmark = pytest.mark.long
 
@@ -83,6 +89,24 @@ def test_a_failure_in_the_air_is_found_at_once(launcher, boost, failure, kind):
     found = flown(*launcher, boost, failure=failure).guidance["found"]
     assert found["kind"] == kind
     assert found["ratio"] == pytest.approx(failure.thrust_ratio, abs=0.002)
+    assert failure.time_s < found["first_time"] <= failure.time_s + 2.0
+
+
+@pytest.mark.parametrize(
+    ("failure", "kind"),
+    [
+        (Failure(FailureKind.EARLY_SHUTDOWN, 60.0), FOUND_EARLY_END),
+        (
+            Failure(FailureKind.THRUST_LOW, 110.0, thrust_ratio=0.7, flow_ratio=0.7),
+            FOUND_THRUST_LOW,
+        ),
+    ],
+)
+def test_a_failure_beside_boosters_is_found_at_once(failure, kind):
+    # their thrust is three and one and a half times that of the engine
+    mission = load_mission("delta_iii_pad")
+    found = fly_compiled(mission, CAMPAIGN, failure=failure).guidance["found"]
+    assert found["first_kind"] == kind
     assert failure.time_s < found["first_time"] <= failure.time_s + 2.0
 
 
