@@ -350,8 +350,10 @@ CAUSES = {
     "view killed": Cause(
         0,
         (
-            "view was killed by SIGKILL: no standard messages any more (RViz, Foxglove, maps)",
-            "restarted (1 of 3)",
+            (
+                "view was killed by SIGKILL: no standard messages any more (RViz, Foxglove, maps); "
+                "restarted (1 of 3)"
+            ),
             "main-engine cut-off",
         ),
         {**SLOW, "view": "true"},

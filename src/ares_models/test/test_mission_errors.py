@@ -336,7 +336,10 @@ BROKEN = {
         "model: pra63",
         "model: nrlmsis",
         "environment.atmosphere.f107",
-        "is missing; expected a number for it, and for f107a, ap",
+        (
+            "is missing; expected a number for it, and for f107a, ap, latitude_deg, longitude_deg, "
+            "because model is nrlmsis"
+        ),
     ),
     "nrlmsis without an epoch": (
         "model: pra63",
