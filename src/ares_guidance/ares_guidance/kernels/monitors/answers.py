@@ -24,7 +24,7 @@ from ares_guidance.arrays import (
 from ares_guidance.kernels.laws.convergence import LAST_PASSES
 from ares_guidance.kernels.monitors.engines import present_engine
 from ares_guidance.kernels.monitors.shortfall import ROUNDS
-from ares_guidance.kernels.prediction.jettison import HEATING_SHARE, next_answer, on_board_heating
+from ares_guidance.kernels.prediction.jettison import next_answer, on_board_heating
 from ares_models.arrays import BURN, HEATING_LIMIT, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, heating_rate
@@ -35,6 +35,8 @@ from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, st
 
 #: Tolerance of a cut-off in the past, s.
 NOW = 1e-9
+#: Error of the heating estimate at a jettison before the next answer, as a fraction of the limit.
+HEATING_SHARE = 2e-3
 #: Error of the depletion estimate, s and as a fraction of the remaining burn.
 DEPLETION_S, DEPLETION_SHARE = 1.0, 0.02
 #: Largest number of searches of one kind in a round of a cycle.

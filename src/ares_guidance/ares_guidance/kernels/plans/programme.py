@@ -12,7 +12,6 @@ import math
 
 from ares_guidance.arrays import Onboard
 from ares_guidance.kernels.plans.load_relief import relieved
-from ares_guidance.kernels.prediction.jettison import HEATING_SHARE
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.boost import PAST_PEAK, boost_direction, is_over
@@ -139,9 +138,7 @@ def command_jettison(mission: MissionRecords, onboard: Onboard) -> None:
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
             begun = mission.arcs[nav.arc].stage >= mission.jettisons[j].stage
-            # a flight differs a little from its plan, and the heating may fall slowly
-            share = HEATING_SHARE if programme.given_over != 0 else 0.0
-            if begun and rate <= (1.0 + share) * mission.jettisons[j].value:
+            if begun and rate <= mission.jettisons[j].value:
                 steering.jettison = j
                 steering.jettison_time = nav.time
 

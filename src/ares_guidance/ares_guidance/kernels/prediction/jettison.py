@@ -28,8 +28,6 @@ from ares_models.kernels.vectors import add, axpy, load, unit
 JETTISON_SEARCH_STEPS = 12
 #: Tolerance of a jettison before the next cycle, s.
 EXACT = 1e-4
-#: Error of the heating at a jettison that is commanded, as a fraction of the limit.
-HEATING_SHARE = 2e-3
 #: Longest interval of navigation states that counts as their period, s.
 LONGEST_WAIT = 5.0
 
